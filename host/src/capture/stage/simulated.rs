@@ -10,10 +10,12 @@ use multiscopic_core::capture::{Position, Stage};
 use serde::Deserialize;
 
 use super::{error::StageError, limits::Limits};
+use crate::capture::clock::{Clock, SystemClock};
 
 /// A stage without hardware, which takes the time that a real one would, and makes the errors that it is told to.
 #[derive(Debug)]
 pub struct SimulatedStage {
+    clock: Arc<dyn Clock>,
     limits: Limits,
     errors: StageImperfections,
     place: SimulatedPlace,
@@ -95,8 +97,18 @@ impl SimulatedStage {
     /// # Errors
     /// The limits are out of range.
     pub fn new(limits: &Limits, errors: StageImperfections) -> Result<SimulatedStage, StageError> {
+        SimulatedStage::with_clock(limits, errors, Arc::new(SystemClock))
+    }
+
+    /// A stage at rest in the centre, which moves in the time of `clock`.
+    ///
+    /// # Errors
+    /// The limits are out of range.
+    pub fn with_clock(limits: &Limits, errors: StageImperfections, clock: Arc<dyn Clock>) -> Result<SimulatedStage, StageError> {
         limits.check()?;
+        let departure = clock.now();
         Ok(SimulatedStage {
+            clock,
             limits: *limits,
             errors,
             place: SimulatedPlace::default(),
@@ -104,7 +116,7 @@ impl SimulatedStage {
             carried: [0.0; 2],
             from: [0.0; 2],
             target: Position::CENTER,
-            departure: Instant::now(),
+            departure,
             moves: 0,
             random: Rng::with_seed(1),
             miss: ([0.0; 2], [0.0; 3]),
@@ -123,10 +135,15 @@ impl SimulatedStage {
         let whole = self.limits.travel_time(way[0].hypot(way[1]));
         let share = match whole.is_zero() {
             true => 1.0,
-            false => (self.departure.elapsed().as_secs_f64() / whole.as_secs_f64()).min(if self.is_stuck() { 0.5 } else { 1.0 }),
+            false => (self.elapsed().as_secs_f64() / whole.as_secs_f64()).min(if self.is_stuck() { 0.5 } else { 1.0 }),
         };
         self.drive([self.from[0] + share * way[0], self.from[1] + share * way[1]]);
         share >= 1.0
+    }
+
+    /// The time since the current move began.
+    fn elapsed(&self) -> Duration {
+        self.clock.now() - self.departure
     }
 
     fn is_stuck(&self) -> bool {
@@ -159,7 +176,7 @@ impl Stage for SimulatedStage {
     fn move_to(&mut self, position: Position) -> Result<(), StageError> {
         self.limits.check_reach(position)?;
         self.update();
-        (self.from, self.target, self.departure) = (self.driven, position, Instant::now());
+        (self.from, self.target, self.departure) = (self.driven, position, self.clock.now());
         self.moves += 1;
         let mut within = |most: f64| most * (2.0 * self.random.f64() - 1.0);
         let StageImperfections { repeatability_mm, rotation_deg, .. } = self.errors;
@@ -169,9 +186,9 @@ impl Stage for SimulatedStage {
 
     fn has_arrived(&mut self) -> Result<bool, StageError> {
         match self.update() {
-            false if self.is_stuck() && self.departure.elapsed() > STALL_TIME => {
+            false if self.is_stuck() && self.elapsed() > STALL_TIME => {
                 let distance_um = self.measured().distance_um(self.target);
-                Err(StageError::Stalled { distance_um, after: self.departure.elapsed() })
+                Err(StageError::Stalled { distance_um, after: self.elapsed() })
             }
             arrived => Ok(arrived),
         }
@@ -184,7 +201,7 @@ impl Stage for SimulatedStage {
     fn stop(&mut self) -> Result<(), StageError> {
         let here = self.measured();
         self.drive([here.x_um, here.y_um].map(|um| f64::from(um) / 1000.0));
-        (self.from, self.target, self.departure) = (self.driven, here, Instant::now());
+        (self.from, self.target, self.departure) = (self.driven, here, self.clock.now());
         Ok(())
     }
 }
@@ -192,35 +209,38 @@ impl Stage for SimulatedStage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
+    use crate::capture::clock::SteppedClock;
 
     #[test]
     fn takes_its_time_and_stops() {
         let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
-        let mut stage = SimulatedStage::new(&limits, StageImperfections::default()).unwrap();
+        let clock = SteppedClock::new();
+        let mut stage = SimulatedStage::with_clock(&limits, StageImperfections::default(), clock.clone()).unwrap();
         let place = stage.place();
         let right = Position { x_um: 10_000, y_um: 0 };
-        let start = Instant::now();
+        let start = clock.now();
         stage.move_to(right).unwrap();
         assert!(!stage.has_arrived().unwrap());
         while !stage.has_arrived().unwrap() {
-            std::thread::sleep(Duration::from_millis(1));
+            clock.sleep(Duration::from_millis(1));
         }
-        assert!(start.elapsed() >= limits.travel_time(10.0));
+        assert!(clock.now() - start >= limits.travel_time(10.0));
         assert_eq!((place.get().position_mm, stage.position().unwrap()), ([10.0, 0.0], Some(right)));
         stage.move_to(Position { x_um: 100_000, y_um: 0 }).unwrap();
         stage.stop().unwrap();
         assert!(stage.has_arrived().unwrap() && place.get().position_mm[0] < 100.0);
         assert!(stage.move_to(Position { x_um: 100_001, y_um: 0 }).unwrap_err().to_string().contains("beyond the reach"));
     }
+
     /// Where a stage with errors takes the camera, move by move.
     fn places(errors: StageImperfections, moves: &[[i32; 2]]) -> Vec<StagePose> {
         let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
-        let mut stage = SimulatedStage::new(&limits, errors).unwrap();
+        let clock = SteppedClock::new();
+        let mut stage = SimulatedStage::with_clock(&limits, errors, clock.clone()).unwrap();
         let mut arrive = |&[x_um, y_um]: &[i32; 2]| {
             stage.move_to(Position { x_um, y_um }).unwrap();
             while !stage.has_arrived().unwrap() {
-                std::thread::sleep(Duration::from_millis(1));
+                clock.sleep(Duration::from_millis(1));
             }
             assert_eq!(stage.position().unwrap(), Some(Position { x_um, y_um }), "the drives do not notice");
             stage.place().get()

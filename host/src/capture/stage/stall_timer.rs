@@ -14,9 +14,9 @@ pub(super) struct StallTimer {
 }
 
 impl StallTimer {
-    /// Starts now, at a distance from the target. All distances are in one unit, the caller's.
-    pub(super) fn start(distance: f64, min_step: f64) -> StallTimer {
-        StallTimer { nearest: distance, since: Instant::now(), min_step }
+    /// Starts at time `now`, at a distance from the target. All distances are in one unit, the caller's.
+    pub(super) fn start(distance: f64, min_step: f64, now: Instant) -> StallTimer {
+        StallTimer { nearest: distance, since: now, min_step }
     }
 
     /// Takes the distance at time `at`, and returns how long there has been no progress.
@@ -34,7 +34,7 @@ mod tests {
 
     #[test]
     fn only_progress_resets_the_timer() {
-        let mut timer = StallTimer::start(10.0, 0.5);
+        let mut timer = StallTimer::start(10.0, 0.5, Instant::now());
         let seconds = |number| timer.since + Duration::from_secs(number);
         let [at_1, at_3, at_4] = [1, 3, 4].map(seconds);
         assert_eq!(timer.update(9.6, at_1), Duration::from_secs(1));

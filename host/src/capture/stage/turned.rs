@@ -47,18 +47,24 @@ impl<S: Stage> Stage for TurnedStage<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::stage::{Limits, SimulatedStage, StageImperfections};
+    use crate::capture::{
+        Clock,
+        clock::SteppedClock,
+        stage::{Limits, SimulatedStage, StageImperfections},
+    };
+    use std::time::Duration;
 
     #[test]
     fn positions_are_turned_there_and_back() {
         let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
-        let stage = SimulatedStage::new(&limits, StageImperfections::default()).unwrap();
+        let clock = SteppedClock::new();
+        let stage = SimulatedStage::with_clock(&limits, StageImperfections::default(), clock.clone()).unwrap();
         let place = stage.place();
         let mut stage = TurnedStage::new(stage, 30.0_f64.to_radians());
         let right = Position { x_um: 2000, y_um: 0 };
         stage.move_to(right).unwrap();
         while !stage.has_arrived().unwrap() {
-            std::thread::sleep(std::time::Duration::from_millis(1));
+            clock.sleep(Duration::from_millis(1));
         }
         assert_eq!(place.get().position_mm, [1.732, 1.0]);
         assert_eq!(stage.position().unwrap(), Some(right));

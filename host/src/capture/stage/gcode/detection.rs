@@ -2,7 +2,8 @@
 
 use std::{
     io::{self, Read, Write},
-    time::{Duration, Instant},
+    sync::Arc,
+    time::Duration,
 };
 
 use super::{
@@ -10,7 +11,10 @@ use super::{
     line_port::LinePort,
     marlin::Marlin,
 };
-use crate::capture::stage::{any_stage::AnyStage, error::StageError, limits::Limits};
+use crate::capture::{
+    clock::{Clock, SystemClock},
+    stage::{any_stage::AnyStage, error::StageError, limits::Limits},
+};
 
 /// The default baud rate of both firmwares.
 pub const BAUD: u32 = 115_200;
@@ -43,17 +47,30 @@ pub fn open(path: &str, baud: u32, limits: &Limits) -> Result<AnyStage, StageErr
 /// # Errors
 /// The limits are out of range, no known firmware answers, or the machine is not ready to move.
 pub fn connect<P: Read + Write + Send + 'static>(port: P, name: &str, limits: &Limits) -> Result<AnyStage, StageError> {
+    connect_with_clock(port, name, limits, Arc::new(SystemClock))
+}
+
+/// Opens a machine like [`connect`], in the time of `clock`, in which reads of the port must time out after a short while.
+///
+/// # Errors
+/// Those of [`connect`].
+pub fn connect_with_clock<P: Read + Write + Send + 'static>(
+    port: P,
+    name: &str,
+    limits: &Limits,
+    clock: Arc<dyn Clock>,
+) -> Result<AnyStage, StageError> {
     limits.check()?;
-    let mut port = LinePort::new(port, name, limits.silence_timeout);
-    let deadline = Instant::now() + limits.connect_timeout;
+    let mut port = LinePort::new(port, name, limits.silence_timeout, clock);
+    let deadline = port.now() + limits.connect_timeout;
     let mut last_line = None;
-    while Instant::now() < deadline {
+    while port.now() < deadline {
         // Each firmware answers one of them, and rejects the other without harm.
         for query in ["\n?", "M115"] {
             port.send(query)?;
-            let until = deadline.min(Instant::now() + ANSWER_TIMEOUT);
+            let until = deadline.min(port.now() + ANSWER_TIMEOUT);
             // Checked for each line: a machine may report without end.
-            while Instant::now() < until {
+            while port.now() < until {
                 let Some(line) = port.next(until)? else { break };
                 if grbl::is_banner(&line) || line.starts_with('<') {
                     port.discard_pending()?;

@@ -14,6 +14,6 @@ mod grbl;
 mod line_port;
 mod marlin;
 
-pub use detection::{BAUD, connect, open};
+pub use detection::{BAUD, connect, connect_with_clock, open};
 pub use grbl::Grbl;
 pub use marlin::Marlin;

@@ -2,10 +2,10 @@
 
 use std::{
     fmt, io,
-    net::{IpAddr, SocketAddr, TcpStream, ToSocketAddrs},
+    net::{IpAddr, ToSocketAddrs},
     sync::mpsc,
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use crate::capture::stage::error::StageError;
@@ -40,28 +40,14 @@ impl ArmAddress {
         found.map_err(|source| cannot_connect(self.host.clone(), source))
     }
 
-    /// Connects to a port at the first of `hosts` that accepts, for at most `limit`.
-    pub(super) fn connect(&self, hosts: &[IpAddr], port: u16, limit: Duration) -> Result<TcpStream, StageError> {
-        let deadline = Instant::now() + limit;
-        let mut last_error = io::ErrorKind::AddrNotAvailable.into();
-        for &host in hosts {
-            // `connect_timeout` does not accept 0.
-            let remaining = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
-            match TcpStream::connect_timeout(&SocketAddr::new(host, port), remaining) {
-                Ok(stream) => return Ok(stream),
-                Err(error) => last_error = error,
-            }
-        }
-        Err(cannot_connect(self.port_name(port), last_error))
-    }
-
-    /// What messages call a port of the arm.
+    /// The name of a port of the arm in messages.
     pub(super) fn port_name(&self, port: u16) -> String {
         format!("the arm at {}, port {port}", self.host)
     }
 }
 
-fn cannot_connect(to: String, source: io::Error) -> StageError {
+/// The error that the host or port `to` cannot be reached.
+pub(super) fn cannot_connect(to: String, source: io::Error) -> StageError {
     StageError::Connect { to, source, advice: "check its address, its power and the network" }
 }
 

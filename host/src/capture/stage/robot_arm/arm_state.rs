@@ -28,26 +28,26 @@ pub struct ArmState {
 }
 
 impl ArmState {
-    /// The state at the first sample.
-    pub fn first(sample: Sample) -> ArmState {
-        ArmState { sample, at: Instant::now(), count: 0, last_moved: 0, last_playing: 0 }.next(sample)
+    /// The state at the first sample, which arrived at time `at`.
+    pub fn first(sample: Sample, at: Instant) -> ArmState {
+        ArmState { sample, at, count: 0, last_moved: 0, last_playing: 0 }.next(sample, at)
     }
 
-    /// The state after another sample.
-    pub fn next(self, sample: Sample) -> ArmState {
+    /// The state after another sample, which arrived at time `at`.
+    pub fn next(self, sample: Sample, at: Instant) -> ArmState {
         let count = self.count + 1;
         let speeds = sample.speed.map(|[x, y, z]| x.hypot(y).hypot(z));
         let is_moving = speeds.iter().zip(STILL_SPEED).any(|(&speed, still)| speed > still);
         ArmState {
             sample,
-            at: Instant::now(),
+            at,
             count,
             last_moved: if is_moving { count } else { self.last_moved },
             last_playing: if sample.is_playing { count } else { self.last_playing },
         }
     }
 
-    /// Whether the tool has stood still for some samples, all of them after sample number `since`.
+    /// Returns true if the tool has stood still for some samples, all of them after sample number `since`.
     pub fn is_still(&self, since: u64) -> bool {
         self.count >= self.last_moved.max(since) + STILL_SAMPLES
     }

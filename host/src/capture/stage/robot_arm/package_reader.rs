@@ -1,27 +1,27 @@
 //! Splitting the stream of the Real-Time Data Exchange into packages.
 
-use std::{
-    io::{self, Read},
-    net::TcpStream,
-};
+use std::io;
 
-use super::rtde::{self, Package};
+use super::{
+    network::Connection,
+    rtde::{self, Package},
+};
 
 /// The incoming half of a connection, with the bytes that are not yet a whole package.
 pub struct PackageReader {
-    stream: TcpStream,
+    stream: Box<dyn Connection>,
     bytes: Vec<u8>,
 }
 
 impl PackageReader {
     /// Reads from `stream`.
-    pub fn new(stream: TcpStream) -> PackageReader {
+    pub fn new(stream: Box<dyn Connection>) -> PackageReader {
         PackageReader { stream, bytes: Vec::new() }
     }
 
     /// The connection.
-    pub fn stream(&mut self) -> &mut TcpStream {
-        &mut self.stream
+    pub fn stream(&mut self) -> &mut dyn Connection {
+        &mut *self.stream
     }
 
     /// Removes the first package from the buffer, and returns its kind and payload. `None` if it has not

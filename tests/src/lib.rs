@@ -1,4 +1,4 @@
-//! What the tests share: reference implementations, test images, and simulated hardware.
+//! Common parts of the tests: reference implementations, test images, and simulated hardware.
 //!
 //! | room | what it is |
 //! | --- | --- |

@@ -22,8 +22,8 @@ use proptest::{collection::vec, prelude::*, sample::Index, test_runner::TestRunn
 
 /// The address space in megabytes in which everything must be read. The largest picture takes half of it.
 const MEMORY: usize = 2048;
-/// How long a file may take in a build without optimisation on a busy machine.
-const LONGEST: Duration = Duration::from_secs(20);
+/// The time limit for a file. Only one that takes forever reaches it, however busy the machine is.
+const LONGEST: Duration = Duration::from_secs(300);
 /// The number of files for each reader, unless `PROPTEST_CASES` says otherwise.
 const CASES: u32 = 500;
 

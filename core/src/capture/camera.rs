@@ -5,7 +5,7 @@
 /// The implementation decides where frames go: into memory, into a file, or line by line to whoever reads
 /// them as they arrive. No call waits for a frame. Each returns within a bounded time.
 pub trait Camera {
-    /// Why there is no frame.
+    /// The reason why there is no frame.
     type Error;
 
     /// Prepares for a sequence: holds exposure, gain and focus, so that frames can be compared.
@@ -21,7 +21,7 @@ pub trait Camera {
     /// The camera cannot start.
     fn start(&mut self, index: usize) -> Result<(), Self::Error>;
 
-    /// Whether the whole frame is there. Called repeatedly; each call may do a part of the work.
+    /// Returns true if the whole frame is there. Called repeatedly; each call may do a part of the work.
     ///
     /// # Errors
     /// The frame is damaged or unusable, or the camera does not answer.

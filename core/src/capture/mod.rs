@@ -1,4 +1,4 @@
-//! Active perception: moving the camera and taking the frames. Each room knows only those above it:
+//! Active perception: moving the camera and taking the frames. Each module knows only those above it:
 //!
 //! | room | what it is |
 //! | --- | --- |

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-/// How long a [`Sequence`](super::Sequence) waits, how often it retries, and what it tolerates. The defaults
+/// The waiting times, retries and tolerances of a [`Sequence`](super::Sequence). The defaults
 /// are in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -21,7 +21,7 @@ pub struct Policy {
     /// The distance to the left of and above a position from which it is approached, in micrometres, so that
     /// the backlash of screws and gears is always taken up from the same side (0: directly).
     pub backlash_um: u32,
-    /// Whether the stage returns to the centre at the end, and after an error that is not its own (true).
+    /// True if the stage returns to the centre at the end, and after an error that is not its own (true).
     pub return_to_center: bool,
 }
 

@@ -30,7 +30,7 @@ pub struct Sequence<'p, S, C> {
     aborted: bool,
 }
 
-/// What a sequence is doing, with the index of the frame or position.
+/// The current step of a sequence, with the index of the frame or position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CaptureProgress {

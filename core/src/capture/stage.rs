@@ -6,7 +6,7 @@ use super::position::Position;
 ///
 /// No call waits for a motion to end. Each returns within a bounded time, even if the hardware is gone.
 pub trait Stage {
-    /// Why the stage cannot move or measure its position.
+    /// The reason why the stage cannot move or measure its position.
     type Error;
 
     /// Starts to move straight to `position`, in place of any motion under way.
@@ -15,7 +15,7 @@ pub trait Stage {
     /// The stage does not take the order, or the position is out of its reach.
     fn move_to(&mut self, position: Position) -> Result<(), Self::Error>;
 
-    /// Whether the stage stands still where it was last sent. Called repeatedly; each call may do a part of
+    /// Returns true if the stage stands still where it was last sent. Called repeatedly; each call may do a part of
     /// the motion.
     ///
     /// # Errors

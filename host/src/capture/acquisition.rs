@@ -21,7 +21,7 @@ use crate::{
     images::Frames,
 };
 
-/// How often the stage and the camera are polled.
+/// The interval at which the stage and the camera are polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
 /// All frames of a plan.
@@ -29,7 +29,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 pub struct Acquisition {
     /// The frames, in the plan's order.
     pub images: Vec<(Frame, GrayImage)>,
-    /// What failed after the last frame. The stage may not be back at the centre.
+    /// The failure after the last frame. The stage may not be back at the centre.
     pub failure: Option<Error>,
 }
 

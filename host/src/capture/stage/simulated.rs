@@ -19,9 +19,9 @@ pub struct SimulatedStage {
     limits: Limits,
     errors: StageImperfections,
     place: SimulatedPlace,
-    /// Where the drives have taken it, in millimetres.
+    /// The place to which the drives have taken it, in millimetres.
     driven: [f64; 2],
-    /// Where the carriage is between the ends of its play, in millimetres.
+    /// The place of the carriage between the ends of its play, in millimetres.
     carried: [f64; 2],
     from: [f64; 2],
     target: Position,
@@ -29,17 +29,17 @@ pub struct SimulatedStage {
     /// The number of moves so far.
     moves: u32,
     random: Rng,
-    /// How far the current move misses its target, in millimetres, and how it turns the camera, in degrees.
+    /// The offset by which the current move misses its target, in millimetres, and its turn of the camera, in degrees.
     miss: ([f64; 2], [f64; 3]),
 }
 
-/// How a stage differs from a perfect one. Without any errors by default.
+/// The differences of a stage from a perfect one. By default there are none.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StageImperfections {
-    /// How far the stage moves to the right and down as a multiple of how far it is told to.
+    /// The lengths of moves to the right and down as multiples of those commanded.
     pub scale: [f64; 2],
-    /// How much the downward axis leans to the left, in degrees: positive turns it further away from the axis to the right.
+    /// The angle by which the downward axis leans to the left, in degrees: positive turns it further away from the axis to the right.
     pub skew_deg: f64,
     /// Play between drive and camera along each axis, in millimetres.
     pub backlash_mm: f64,
@@ -51,7 +51,7 @@ pub struct StageImperfections {
     pub stalls_at_move: Option<u32>,
 }
 
-/// How long a stage has to stand still before it counts as stuck.
+/// The time for which a stage must stand still to count as stuck.
 const STALL_TIME: Duration = Duration::from_millis(500);
 
 impl Default for StageImperfections {
@@ -67,11 +67,11 @@ impl Default for StageImperfections {
     }
 }
 
-/// Where a [`SimulatedStage`] has moved its camera. Clones are of the same place.
+/// The pose to which a [`SimulatedStage`] has moved its camera. Clones are of the same place.
 #[derive(Clone, Debug, Default)]
 pub struct SimulatedPlace(Arc<Mutex<StagePose>>);
 
-/// Where a stage has moved its camera, and how it has turned it.
+/// The place to which a stage has moved its camera, and the turn that it has given it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StagePose {
     /// Millimetres to the right of the centre and below it.
@@ -81,7 +81,7 @@ pub struct StagePose {
 }
 
 impl SimulatedPlace {
-    /// Where the camera is.
+    /// The place of the camera.
     pub fn get(&self) -> StagePose {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -123,12 +123,12 @@ impl SimulatedStage {
         })
     }
 
-    /// Where the camera is.
+    /// The place of the camera.
     pub fn place(&self) -> SimulatedPlace {
         self.place.clone()
     }
 
-    /// Moves the camera to where it is by now, and tells whether it has arrived.
+    /// Moves the camera to where it is by now. Returns true if it has arrived.
     fn update(&mut self) -> bool {
         let target = [self.target.x_um, self.target.y_um].map(|um| f64::from(um) / 1000.0);
         let way = [target[0] - self.from[0], target[1] - self.from[1]];
@@ -162,7 +162,7 @@ impl SimulatedStage {
         self.place.set(StagePose { position_mm: [x - sin * y + miss_x, cos * y + miss_y], rotation_deg });
     }
 
-    /// Where the drives have taken it, in whole micrometres.
+    /// The place to which the drives have taken it, in whole micrometres.
     fn measured(&mut self) -> Position {
         self.update();
         let [x_um, y_um] = self.driven.map(|mm| (1000.0 * mm).round() as i32);
@@ -232,7 +232,7 @@ mod tests {
         assert!(stage.move_to(Position { x_um: 100_001, y_um: 0 }).unwrap_err().to_string().contains("beyond the reach"));
     }
 
-    /// Where a stage with errors takes the camera, move by move.
+    /// The poses to which a stage with errors takes the camera, move by move.
     fn places(errors: StageImperfections, moves: &[[i32; 2]]) -> Vec<StagePose> {
         let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
         let clock = SteppedClock::new();

@@ -224,8 +224,8 @@ fn huge_and_damaged_results_are_refused() {
 #[test]
 fn long_lists_are_compared_at_once() {
     const NAMES: usize = 200_000;
-    // On a busy machine.
-    const LONGEST: Duration = Duration::from_secs(20);
+    // A tenth of it is enough on a busy machine.
+    const LONGEST: Duration = Duration::from_secs(120);
     let desk = rigs();
     desk.done(&format!("{MATCH} --results @out --shard 7/7"));
     let text = fs::read_to_string(desk.path("out/run.json")).expect("a file");
@@ -272,7 +272,9 @@ fn a_machine_that_is_killed_loses_nothing_that_was_done() {
     use multiscopic_tests::program;
 
     let desk = Desk::new();
-    desk.done("scene --random --seed 3 --count 6 --size 48x36 -o @rigs");
+    // So large that the signal comes before the last is done, on a busy machine too.
+    let size = if cfg!(debug_assertions) { "48x36" } else { "128x96" };
+    desk.done(&format!("scene --random --seed 3 --count 6 --size {size} -o @rigs"));
     let list: String = (0..6).map(|number| format!("rigs/000{number}\n")).collect();
     fs::write(desk.path("list.txt"), list).expect("a list");
     let line = "match --list list.txt --method gc --num-disparities 16 --threads 1 -o d.pfm --ply c.ply --results out";
@@ -284,7 +286,7 @@ fn a_machine_that_is_killed_loses_nothing_that_was_done() {
         let mut child = command.spawn().expect("it starts");
         let start = Instant::now();
         while !desk.path(&format!("out/rigs/000{done}/record.json")).exists() {
-            assert!(start.elapsed() < Duration::from_secs(60), "nothing is done");
+            assert!(start.elapsed() < Duration::from_secs(300), "nothing is done");
             assert_eq!(child.try_wait().expect("it can be waited for"), None, "it ends before it is killed");
             thread::sleep(Duration::from_millis(1));
         }

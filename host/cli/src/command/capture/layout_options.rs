@@ -6,7 +6,7 @@ use multiscopic_core::{View, Views};
 
 use crate::command::options::{NeighborOptions, micrometres, value::positive};
 
-/// Where the frames are taken.
+/// The layout of the frames.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Layout")]
 pub struct LayoutOptions {

@@ -1,4 +1,4 @@
-//! What is found of captures, as a stream for ROS 2.
+//! The results of captures, as a stream for ROS 2.
 
 use std::{
     path::Path,

@@ -10,15 +10,15 @@ use multiscopic_core::{Search, Views};
 use super::layout_options::at_multiple;
 use crate::command::options::SearchOptions;
 
-/// How the views at longer baselines are chosen.
+/// The choice of views at longer baselines.
 pub struct LongBaseline {
-    /// What is asked for.
+    /// The accuracy that is asked for.
     pub accuracy: Accuracy,
     /// The range in which the views at the shortest baseline are matched, and the block.
     pub search: SearchOptions,
-    /// What matches them.
+    /// The method that matches them.
     pub engine: Engine,
-    /// How far the stage goes from the centre, in micrometres.
+    /// The reach of the stage from the centre, in micrometres.
     pub reach_um: u32,
 }
 
@@ -83,14 +83,14 @@ impl Refinement<'_> {
         Ok(reached)
     }
 
-    /// What the shortest baseline showed, in words.
+    /// The findings of the shortest baseline, in words.
     pub fn found(&self) -> String {
         let (baseline_mm, [near, far]) = (self.survey.geometry.baseline_mm, self.survey.distances_mm());
         let noise = self.noise(self.survey.noise);
         format!("found at {baseline_mm} mm: distances from {near:.0} to {far:.0} mm, {noise}")
     }
 
-    /// What was chosen, and why, and what is expected of it, in words.
+    /// The choice, its reason and the expectation of it, in words.
     pub fn chosen(&self) -> String {
         let Refinement { survey, choice, options: LongBaseline { accuracy, .. }, .. } = self;
         let length = |multiple: u8| match multiple {

@@ -27,23 +27,23 @@ use crate::command::{hardware::Hardware, scene::rendered_capture::TRUTH_FILE_NAM
 
 /// Takes captures that differ only in their folder and date.
 pub struct Recorder {
-    /// Which frames are taken, and where.
+    /// The frames that are taken, and their positions.
     pub plan: Plan,
     /// The distance from the centre to the nearest neighbours, in micrometres.
     pub baseline_um: u32,
-    /// How views at a longer baseline are chosen, if they are taken as needed.
+    /// The choice of views at a longer baseline, if they are taken as needed.
     pub long_baseline: Option<LongBaseline>,
     /// The focal length in pixels, if it is known.
     pub focal_px: Option<f64>,
     /// The calibration of the camera's lens, if it is known.
     pub lens: Option<LensFile>,
-    /// How the camera is turned against the axes along which it is moved, if it is known: a rotation vector in degrees.
+    /// The camera's turn against the axes along which it is moved, if it is known: a rotation vector in degrees.
     pub mount_rotation_deg: Option<[f64; 3]>,
-    /// What moves, and what sees.
+    /// The stage and the camera.
     pub hardware: Hardware,
 }
 
-/// What was recorded.
+/// A recording.
 #[derive(Debug, Serialize)]
 pub struct Recorded {
     folder: PathBuf,
@@ -60,7 +60,7 @@ pub struct Recorded {
     min_disparity: Option<i16>,
     #[serde(skip_serializing_if = "Option::is_none")]
     num_disparities: Option<u16>,
-    /// How views at a longer baseline were chosen.
+    /// The choice of views at a longer baseline.
     notes: Vec<String>,
 }
 
@@ -183,7 +183,7 @@ impl Recorder {
     }
 }
 
-/// What makes the frames of a rig ideal, unless they are.
+/// The corrections that make the frames of a rig ideal, unless they are.
 fn undistortion(rig: &Rig, lens: &Option<LensFile>, size: [usize; 2]) -> Result<Option<Undistortion>> {
     let calibration = LensFile::with_mount(lens.clone(), rig, Path::new(Rig::FILE_NAME));
     calibration.map(|calibration| calibration.undistortion(size)).transpose()

@@ -35,7 +35,7 @@ pub struct RecorderOptions {
     #[arg(long, value_name = "FILE")]
     lens: Option<PathBuf>,
 
-    /// How the camera is turned against the stage, as `multiscopic calibrate mount` finds it. A turn about the optical axis is
+    /// Turn of the camera against the stage, as `multiscopic calibrate mount` finds it. A turn about the optical axis is
     /// taken out by moving along the camera's own rows and columns. What remains is recorded in rig.toml, and `match` rectifies
     /// the images by it
     #[arg(long, value_name = "MOUNT.toml")]

@@ -32,7 +32,7 @@ pub struct Marlin<P: Read + Write> {
     unanswered: usize,
     /// Coordinates when it was opened, in millimetres. `None` after it restarted and lost them.
     start: Option<[f64; 2]>,
-    /// Where it was last sent, or reported to be, in millimetres.
+    /// The coordinates that it was last sent to or reported, in millimetres.
     coordinates: [f64; 2],
     motion: Motion,
 }
@@ -119,7 +119,7 @@ impl<P: Read + Write> Marlin<P> {
         })
     }
 
-    /// Processes the pending lines. Returns whether there were any.
+    /// Processes the pending lines. Returns true if there were any.
     fn process_pending(&mut self, sent: &str) -> Result<bool, StageError> {
         for processed in 0..MAX_PENDING {
             match self.port.next(self.port.now())? {

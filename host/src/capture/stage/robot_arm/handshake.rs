@@ -5,13 +5,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{
-    package_reader::PackageReader,
-    rtde::{self, PackageKind, Sample},
-};
+use super::rtde::{self, PackageKind, PackageReader, Sample};
 use crate::capture::{clock::Clock, stage::error::StageError};
 
-/// What the arm agreed to send.
+/// The agreement on what the arm sends.
 pub struct Agreement {
     /// The number of the recipe. Data packages start with it.
     pub recipe: u8,
@@ -29,7 +26,7 @@ pub struct Handshake<'a> {
     pub clock: &'a dyn Clock,
     /// When to give up.
     pub deadline: Instant,
-    /// How long the handshake may take, for messages.
+    /// The time that the handshake may take, for messages.
     pub limit: Duration,
 }
 

@@ -5,39 +5,36 @@
 //! reports its state over the Real-Time Data Exchange. An e-Series arm must be set to remote control; older
 //! ones always accept scripts.
 
-pub(super) mod address;
-mod arm_state;
 mod feedback;
 mod handshake;
 mod network;
-mod package_reader;
-mod robot_mode;
 mod rtde;
 mod script;
 mod tool_pose;
 
-pub use address::ArmAddress;
-pub use network::{Connection, Network};
+pub use network::{ArmAddress, Connection, Network};
 pub use tool_pose::ToolPose;
 
 use std::{sync::Arc, time::Duration};
 
 use multiscopic_core::capture::{Position, Stage};
 
-use super::{error::StageError, limits::Limits, stall_timer::StallTimer};
+use super::{
+    error::StageError,
+    limits::{Limits, StallTimer},
+};
 use crate::capture::clock::{Clock, SystemClock};
-use arm_state::ArmState;
-use feedback::Feedback;
+use feedback::{ArmState, Feedback};
 use network::Hosts;
 use script::ScriptPort;
 
-/// How near the tool must come to its target, in metres and radians. The arms repeat to 0.1 mm.
+/// The distances from its target at which the tool has arrived, in metres and radians. The arms repeat to 0.1 mm.
 const TOLERANCE: [f64; 2] = [1e-4, 2e-3];
 
 /// Approaching by this much counts as progress, in metres. It is above the sensors' noise.
 const MIN_PROGRESS_M: f64 = 2e-5;
 
-/// How long the arm may take to stop: four times what it should.
+/// The time that the arm may take to stop: four times what it should.
 const STOP_LIMIT: Duration = Duration::from_secs(1);
 
 /// An arm whose tool centre point is the camera: x to the right of the image, y down, z along the view. Set it
@@ -213,7 +210,7 @@ struct Line {
 impl Line {
     fn connect(&self, port: u16) -> Result<Box<dyn Connection>, StageError> {
         let connected = self.network.connect(port, self.limits.connect_timeout);
-        connected.map_err(|error| address::cannot_connect(self.address.port_name(port), error))
+        connected.map_err(|error| network::cannot_connect(self.address.port_name(port), error))
     }
 
     fn open_feedback(&self) -> Result<Feedback, StageError> {

@@ -18,7 +18,7 @@ pub struct GrblLink<P> {
     port: LinePort<P>,
     parser: StatusParser,
     silence_timeout: Duration,
-    /// Whether Grbl has restarted by itself, so that its coordinates are void.
+    /// True if Grbl has restarted by itself, so that its coordinates are void.
     has_restarted: bool,
 }
 
@@ -28,11 +28,15 @@ impl<P: Read + Write> GrblLink<P> {
         let mut link = GrblLink { port, parser: StatusParser::new(1.0), silence_timeout, has_restarted: false };
         link.port.send("$$")?;
         let deadline = link.now() + silence_timeout;
+        let mut refusal = None;
         let settings = loop {
-            let answers = link.answers("$$", deadline)?;
-            // Without settings, it is the late answer to an earlier line.
-            if answers.iter().any(|line| line.starts_with('$')) {
-                break answers;
+            // Without settings, it is the late answer to an earlier line. That may be refused, too.
+            match link.answers("$$", deadline) {
+                Ok(answers) if answers.iter().any(|line| line.starts_with('$')) => break answers,
+                Ok(_) => {}
+                Err(error @ StageError::Refused { .. }) if refusal.is_none() => refusal = Some(error),
+                Err(error @ StageError::Silent { .. }) => return Err(refusal.unwrap_or(error)),
+                Err(error) => return Err(error),
             }
         };
         // Setting 13 makes it report inches.
@@ -180,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_late_answer_does_not_hide_the_unit() {
-        let port = Port(b"ok\r\nok\r\n$0=10\r\n$13=1\r\nok\r\n<Idle|MPos:1.000,2.000,0.000|FS:0,0>\r\n");
+        let port = Port(b"ok\r\nerror:20\r\nok\r\n$0=10\r\n$13=1\r\nok\r\n<Idle|MPos:1.000,2.000,0.000|FS:0,0>\r\n");
         let patience = Duration::from_secs(60);
         let mut link = GrblLink::open(LinePort::new(port, "port", patience, Arc::new(SystemClock)), patience).unwrap();
         assert_eq!(link.status().unwrap().coordinates, [25.4, 50.8]);

@@ -18,10 +18,13 @@ use super::{
     coordinates::{distance, linear_move, to_machine, to_position},
     line_port::LinePort,
 };
-use crate::capture::stage::{error::StageError, limits::Limits, stall_timer::StallTimer};
+use crate::capture::stage::{
+    error::StageError,
+    limits::{Limits, StallTimer},
+};
 use link::GrblLink;
 
-/// How near the machine must be to its target, in millimetres: a few steps of a coarse machine.
+/// The distance from its target at which the machine has arrived, in millimetres: a few steps of a coarse machine.
 const TOLERANCE_MM: f64 = 0.05;
 
 /// A machine with Grbl.

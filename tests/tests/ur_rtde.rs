@@ -14,7 +14,7 @@ use std::{
 };
 
 use libtest_mimic::{Arguments, Failed, Trial};
-use multiscopic::capture::stage::{self, AnyStage, Limits, StageSpec};
+use multiscopic::capture::stage::{AnyStage, Limits};
 use multiscopic_core::capture::{Position, Stage};
 use multiscopic_tests::simulated::{
     arm::{Fault, SimulatedArm},
@@ -27,7 +27,7 @@ const PACKAGE: &str = "ur-rtde==1.6.5";
 /// The client's port is fixed.
 const RTDE_PORT: u16 = 30004;
 
-/// For each line of input, waits for two more data packages and prints what they contain, as numbers.
+/// For each line of input, waits for two more data packages and prints their contents as numbers. The limit is for a hung test.
 const CLIENT: &str = "
 import sys, time, rtde_receive
 arm = rtde_receive.RTDEReceiveInterface(sys.argv[1])
@@ -35,7 +35,7 @@ for line in sys.stdin:
     for _ in range(2):
         last, begin = arm.getTimestamp(), time.monotonic()
         while arm.getTimestamp() == last:
-            if time.monotonic() > begin + 10:
+            if time.monotonic() > begin + 120:
                 sys.exit('no package came')
             time.sleep(0.001)
     numbers = arm.getActualTCPPose() + arm.getActualTCPSpeed()
@@ -112,15 +112,23 @@ fn arm(pose: Pose) -> Result<(SimulatedArm, Ipv4Addr), Box<dyn Error>> {
     Ok(found.ok_or("no address of this machine has a free port 30004")?)
 }
 
-fn arrive(stage: &mut AnyStage) -> Result<(), Box<dyn Error>> {
+/// The time limit for whatever hardware does. Only a hung test reaches it.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Waits until `is_over`.
+fn wait(what: &str, mut is_over: impl FnMut() -> Result<bool, Box<dyn Error>>) -> Result<(), Box<dyn Error>> {
     let start = Instant::now();
-    while !stage.has_arrived()? {
-        if start.elapsed() > Duration::from_secs(20) {
-            return Err("the arm does not arrive".into());
+    while !is_over()? {
+        if start.elapsed() > PATIENCE {
+            return Err(format!("it never came that {what}").into());
         }
         thread::sleep(Duration::from_millis(4));
     }
     Ok(())
+}
+
+fn arrive(stage: &mut AnyStage) -> Result<(), Box<dyn Error>> {
+    wait("the arm arrives", || Ok(stage.has_arrived()?))
 }
 
 fn expect(is_right: bool, what: impl Into<String>) -> Result<(), Box<dyn Error>> {
@@ -131,8 +139,15 @@ fn reads_what_was_commanded(python: &Path) -> Result<(), Box<dyn Error>> {
     let start = [-0.3, 0.25, 0.6, 0.3, -1.2, 0.7];
     let (arm, host) = arm(start)?;
     let mut client = Client::start(python, host)?;
-    let limits = Limits { speed_mm_s: 100.0, acceleration_mm_s2: 1000.0, ..Limits::default() };
-    let mut stage = stage::open(&arm.spec().parse::<StageSpec>()?, &limits)?;
+    let limits = Limits {
+        speed_mm_s: 100.0,
+        acceleration_mm_s2: 1000.0,
+        connect_timeout: PATIENCE,
+        silence_timeout: PATIENCE,
+        stall_timeout: PATIENCE,
+        ..Limits::default()
+    };
+    let mut stage = arm.stage(&limits)?;
 
     for (x_um, y_um) in [(0, 0), (-20_000, 0), (20_000, 0), (0, -20_000), (12_345, 6_789), (0, 0)] {
         let position = Position { x_um, y_um };
@@ -148,12 +163,14 @@ fn reads_what_was_commanded(python: &Path) -> Result<(), Box<dyn Error>> {
     }
 
     // On its way it moves at the commanded speed.
+    arm.freeze_after(0.03);
     stage.move_to(Position { x_um: 90_000, y_um: 0 })?;
-    thread::sleep(Duration::from_millis(300));
+    wait("the arm cruises", || Ok(distance(arm.pose(), start) > 0.029))?;
     let Reading { pose, speed, runtime_state, .. } = client.read()?;
     expect((1e-3..89e-3).contains(&distance(pose, start)), format!("on its way at {pose:?}"))?;
     expect((speed[0].hypot(speed[1]).hypot(speed[2]) - 0.1).abs() < 1e-6, format!("on its way with {speed:?}"))?;
     expect(runtime_state == 2.0, "a program runs")?;
+    arm.freeze_after(f64::INFINITY);
     arm.fail(Fault::ProtectiveStop { after_m: 0.0 });
     expect(client.read()?.is_protectively_stopped == 1.0, "it sees the protective stop")?;
     expect(arrive(&mut stage).is_err(), "so does the driver")

@@ -21,7 +21,7 @@ pub trait Camera {
     /// The camera cannot start.
     fn start(&mut self, index: usize) -> Result<(), Self::Error>;
 
-    /// True if the whole frame is there. Called repeatedly; each call may do a part of the work.
+    /// Returns true if the whole frame is there. Called repeatedly; each call may do a part of the work.
     ///
     /// # Errors
     /// The frame is damaged or unusable, or the camera does not answer.

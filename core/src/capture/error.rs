@@ -1,10 +1,10 @@
-//! The errors of captures.
+//! Errors of captures.
 
 use core::{error, fmt, time::Duration};
 
 use super::position::Position;
 
-/// The reason why a capture failed, with a stage's error `S` and a camera's error `C`.
+/// The error of a capture, with a stage's error `S` and a camera's error `C`.
 ///
 /// The text does not name the frame; [`index`](CaptureError::index) does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,7 +58,7 @@ impl<S, C> CaptureError<S, C> {
         }
     }
 
-    /// True if the stage failed, so that it must not be moved any more.
+    /// Returns true if the stage failed, so that it must not be moved any more.
     pub fn is_of_stage(&self) -> bool {
         matches!(self, CaptureError::Stage(_) | CaptureError::MoveTimeout { .. } | CaptureError::Missed { .. })
     }

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-/// The waits, retries and tolerances of a [`Sequence`](super::Sequence). The defaults
+/// The waiting times, retries and tolerances of a [`Sequence`](super::Sequence). The defaults
 /// are in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -14,8 +14,6 @@ use super::{camera::Camera, error::CaptureError, policy::Policy, position::Posit
 /// A frame can be used while it is being read out: [`CaptureProgress::Capturing`] names it, and the stage does not
 /// move until the camera reports the frame complete. So the last view can be matched line by line as it
 /// arrives.
-///
-/// The [module](crate::capture) has an example with a stage and a camera.
 #[derive(Debug)]
 pub struct Sequence<'p, S, C> {
     positions: &'p [Position],
@@ -32,7 +30,7 @@ pub struct Sequence<'p, S, C> {
     aborted: bool,
 }
 
-/// The activity of a sequence, with the index of the frame or position.
+/// The current step of a sequence, with the index of the frame or position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CaptureProgress {

@@ -15,7 +15,7 @@ pub trait Stage {
     /// The stage does not take the order, or the position is out of its reach.
     fn move_to(&mut self, position: Position) -> Result<(), Self::Error>;
 
-    /// True if the stage stands still where it was last sent. Called repeatedly; each call may do a part of
+    /// Returns true if the stage stands still where it was last sent. Called repeatedly; each call may do a part of
     /// the motion.
     ///
     /// # Errors

@@ -45,7 +45,7 @@ impl fmt::Display for Accuracy {
     }
 }
 
-/// What the views at the shortest baseline found.
+/// The findings of the views at the shortest baseline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Survey {
     /// The camera, with the shortest baseline.
@@ -152,13 +152,13 @@ impl Survey {
 pub struct Choice {
     /// The long baseline in shortest ones: the longest so far if that suffices or no longer one is possible.
     pub multiple: u8,
-    /// What forbids a baseline that would give the accuracy, if none does.
+    /// The bound that forbids a baseline of that accuracy, if there is no such baseline.
     pub bound: Option<Bound>,
     /// The distance in millimetres for which it was chosen.
     pub distance_mm: f64,
 }
 
-/// What bounds the long baseline.
+/// A bound of the long baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
     /// Near surfaces would leave the views.

@@ -3,8 +3,7 @@
 use std::{
     error,
     sync::atomic::{AtomicUsize, Ordering},
-    thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use image::GrayImage;
@@ -13,13 +12,16 @@ use multiscopic_core::{
     capture::{CaptureError, CaptureProgress, Plan, Policy, Sequence, Stage},
 };
 
-use super::threaded_camera::{BlockingCamera, ThreadedCamera};
+use super::{
+    clock::{Clock, SystemClock},
+    threaded_camera::{BlockingCamera, ThreadedCamera},
+};
 use crate::{
     error::{Error, Result},
     images::Frames,
 };
 
-/// How often the stage and the camera are polled.
+/// The interval at which the stage and the camera are polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
 /// All frames of a plan.
@@ -27,7 +29,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 pub struct Acquisition {
     /// The frames, in the plan's order.
     pub images: Vec<(Frame, GrayImage)>,
-    /// What failed after the last frame. The stage may not be back at the centre.
+    /// The failure after the last frame. The stage may not be back at the centre.
     pub failure: Option<Error>,
 }
 
@@ -65,6 +67,26 @@ pub fn acquire_images<S, C>(
     plan: &Plan,
     policy: Policy,
     interrupts: &AtomicUsize,
+    observe: impl FnMut(Duration, CaptureProgress),
+) -> Result<Acquisition>
+where
+    S: Stage<Error: error::Error + Send + Sync + 'static>,
+    C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
+{
+    acquire_images_with_clock(&SystemClock, stage, camera, plan, policy, interrupts, observe)
+}
+
+/// Takes the frames of `plan` like [`acquire_images`], in the time of `clock`, which should be that of the stage.
+///
+/// # Errors
+/// Those of [`acquire_images`].
+pub fn acquire_images_with_clock<S, C>(
+    clock: &dyn Clock,
+    stage: &mut S,
+    camera: &mut ThreadedCamera<C>,
+    plan: &Plan,
+    policy: Policy,
+    interrupts: &AtomicUsize,
     mut observe: impl FnMut(Duration, CaptureProgress),
 ) -> Result<Acquisition>
 where
@@ -72,7 +94,8 @@ where
     C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
 {
     let mut sequence = Sequence::new(plan.positions(), policy);
-    let (start, mut last_progress) = (Instant::now(), None);
+    let (start, mut last_progress) = (clock.now(), None);
+    let elapsed = || clock.now() - start;
     let mut handled_interrupts = interrupts.load(Ordering::Relaxed);
     let last = plan.frames().len().checked_sub(1);
     let (mut is_complete, mut failure) = (false, None);
@@ -82,7 +105,7 @@ where
             handled_interrupts = count;
             sequence.abort();
         }
-        let progress = match sequence.poll(start.elapsed(), stage, camera) {
+        let progress = match sequence.poll(elapsed(), stage, camera) {
             Ok(progress) => progress,
             Err(error) => {
                 let is_kept = is_complete && !matches!(error, CaptureError::Aborted);
@@ -96,12 +119,12 @@ where
         };
         is_complete |= matches!(progress, CaptureProgress::Captured(index) if Some(index) == last);
         if last_progress.replace(progress) != Some(progress) {
-            observe(start.elapsed(), progress);
+            observe(elapsed(), progress);
         }
         if progress == CaptureProgress::Done {
             break;
         }
-        thread::sleep(POLL_INTERVAL);
+        clock.sleep(POLL_INTERVAL);
     }
     let mut image = |index| camera.take_image(index).expect("the last frame comes after all others");
     let images = plan.frames().iter().enumerate().map(|(index, frame)| (*frame, image(index))).collect();

@@ -1,4 +1,4 @@
-//! What is wrong with a simulated rig.
+//! The imperfections of a simulated rig.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::{
     lens::{CameraModel, CameraToml},
 };
 
-/// How a simulated rig differs from a perfect one. By default it does not.
+/// The differences of a simulated rig from a perfect one. By default there are none.
 ///
 /// Its file has three tables, of which each may be missing:
 ///
@@ -37,7 +37,7 @@ use crate::{
 pub struct Imperfections {
     /// The camera's lens. `None`: a pinhole.
     pub lens: Option<CameraModel>,
-    /// How the camera is turned against the stage: a rotation vector about the axes to the right, down and ahead, in degrees.
+    /// The camera's turn against the stage: a rotation vector about the axes to the right, down and ahead, in degrees.
     pub mount_deg: [f64; 3],
     /// Those of the stage.
     pub stage: StageImperfections,

@@ -7,12 +7,14 @@
 //! | `SimulatedCamera` | a camera that sees the scene of the demo, with the feature `scene` |
 //! | [`Imperfections`] | what is wrong with a simulated rig |
 //! | [`BlockingCamera`], [`ThreadedCamera`] | a camera that blocks, polled from a thread of its own |
+//! | [`Clock`], [`SystemClock`] | the time by which stages are waited for |
 //! | [`acquire_images`] | runs the core's [`Sequence`](multiscopic_core::capture::Sequence) into memory |
 //! | [`Accuracy`], [`Survey`], [`Choice`] | which long baseline gives the depth accuracy asked for |
 
 mod accuracy;
 mod acquisition;
 pub mod camera;
+mod clock;
 mod imperfections;
 #[cfg(feature = "scene")]
 mod simulated_camera;
@@ -20,7 +22,8 @@ pub mod stage;
 mod threaded_camera;
 
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
-pub use acquisition::{Acquisition, acquire_images};
+pub use acquisition::{Acquisition, acquire_images, acquire_images_with_clock};
+pub use clock::{Clock, SystemClock};
 pub use imperfections::Imperfections;
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;

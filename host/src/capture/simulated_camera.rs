@@ -55,8 +55,8 @@ impl SimulatedCamera {
         PosedCamera { sensor: self.sensor, lens: self.imperfections.lens, pose }
     }
 
-    /// How far from the plane in which the stage moves it is to what points of the centre's picture show, in millimetres. `None`
-    /// for points that show nothing.
+    /// The distances from the plane in which the stage moves to the things that points of the centre's picture show, in
+    /// millimetres. `None` for points that show nothing.
     pub fn true_depths(&self, points: &[Option<[f64; 2]>]) -> Vec<Option<f64>> {
         let scene = Scene::demo();
         let (camera, ahead) = (self.at(scene.viewpoint, StagePose::default()), scene.viewpoint.axes[2]);

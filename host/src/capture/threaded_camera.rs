@@ -16,7 +16,7 @@ use multiscopic_core::capture::Camera;
 
 /// A camera whose calls block until the picture is there.
 pub trait BlockingCamera: Sized {
-    /// Why there is no picture.
+    /// The reason why there is no picture.
     type Error: Send + 'static;
 
     /// Takes a picture. Nothing in it was exposed before the call.

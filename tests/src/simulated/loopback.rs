@@ -5,7 +5,7 @@ use std::{
     path::Path,
     sync::{
         Arc, Mutex, PoisonError,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicUsize, Ordering},
     },
     thread::{self, JoinHandle},
     time::Duration,
@@ -21,6 +21,8 @@ const INTERVAL: Duration = Duration::from_millis(33);
 /// Feeds a loopback device with frames until it is dropped.
 pub struct Producer {
     frame: Arc<Mutex<Vec<u8>>>,
+    /// The number of frames that were fed.
+    fed: Arc<AtomicUsize>,
     is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<io::Result<()>>>,
 }
@@ -46,18 +48,20 @@ impl Producer {
         output.write_all(&frame)?;
         let frame = Arc::new(Mutex::new(frame));
         let is_over = Arc::new(AtomicBool::new(false));
-        let (next, must_end) = (frame.clone(), is_over.clone());
+        let fed = Arc::new(AtomicUsize::new(0));
+        let (next, count, must_end) = (frame.clone(), fed.clone(), is_over.clone());
         let thread = thread::spawn(move || {
             while !must_end.load(Ordering::Relaxed) {
                 // Write whole frames, each in one call: with memory-mapped output, readers see halves of two
                 // frames.
                 let bytes = next.lock().unwrap_or_else(PoisonError::into_inner).clone();
                 output.write_all(&bytes)?;
+                count.fetch_add(1, Ordering::Relaxed);
                 thread::sleep(INTERVAL);
             }
             Ok(())
         });
-        Ok(Producer { frame, is_over, thread: Some(thread) })
+        Ok(Producer { frame, fed, is_over, thread: Some(thread) })
     }
 
     /// Feeds `device` with a grey image.
@@ -72,6 +76,16 @@ impl Producer {
     /// Feeds `frame` from now on.
     pub fn show(&self, frame: Vec<u8>) {
         *self.frame.lock().unwrap_or_else(PoisonError::into_inner) = frame;
+    }
+
+    /// Feeds `frame` from now on, and waits until it has been fed.
+    pub fn show_now(&self, frame: Vec<u8>) {
+        self.show(frame);
+        // The frame before may be on its way.
+        let last = self.fed.load(Ordering::Relaxed) + 2;
+        while self.fed.load(Ordering::Relaxed) < last && self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            thread::sleep(INTERVAL);
+        }
     }
 }
 

@@ -25,16 +25,19 @@ impl Motion {
     /// The integration step.
     const STEP: Duration = Duration::from_millis(1);
 
-    /// A motion that begins now, in metres and seconds.
-    pub fn new(from: Pose, to: Pose, speed: f64, acceleration: f64) -> Motion {
+    /// A motion that begins at time `now`, in metres and seconds.
+    pub fn new(from: Pose, to: Pose, speed: f64, acceleration: f64, now: Instant) -> Motion {
         let length = distance(from, to);
-        Motion { from, to, length, speed, acceleration, gone: 0.0, now: 0.0, stopping: None, at: Instant::now() }
+        Motion { from, to, length, speed, acceleration, gone: 0.0, now: 0.0, stopping: None, at: now }
     }
 
-    /// Advances the motion to the present time, at scaled speed.
-    pub fn advance(&mut self, scaling: f64) {
-        let now = Instant::now();
+    /// Advances the motion to time `now`, at scaled speed. Time stands still for it once it has covered `limit` metres.
+    pub fn advance(&mut self, now: Instant, scaling: f64, limit: f64) {
         while now - self.at >= Self::STEP && !self.has_ended() {
+            if self.gone >= limit {
+                self.at = now;
+                return;
+            }
             self.at += Self::STEP;
             let dt = Self::STEP.as_secs_f64();
             self.now = match self.stopping {
@@ -61,7 +64,7 @@ impl Motion {
         (self.stopping, self.now) = (Some(1.0), 0.0);
     }
 
-    /// Whether it has reached its end or stopped.
+    /// Returns true if it has reached its end or stopped.
     pub fn has_ended(&self) -> bool {
         self.gone >= self.length || (self.stopping.is_some() && self.now == 0.0)
     }

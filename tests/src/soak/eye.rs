@@ -7,18 +7,18 @@ use std::{
         atomic::{AtomicBool, Ordering},
     },
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use image::{GrayImage, Luma};
-use multiscopic::capture::BlockingCamera;
+use multiscopic::capture::{BlockingCamera, Clock};
 
 /// Width and height of its pictures in pixels.
 pub const SIZE: [u32; 2] = [64, 40];
-/// How far the stage goes for each pixel by which the wall moves, in micrometres.
+/// The way of the stage for each pixel by which the wall moves, in micrometres.
 pub const PIXEL_UM: f64 = 500.0;
 
-/// What is wrong with the camera.
+/// A fault of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blindness {
     /// The next picture fails.
@@ -29,18 +29,20 @@ pub enum Blindness {
     Silent,
 }
 
-/// What the camera and those who make it fail share.
+/// The fault, shared by the camera and those who make it fail.
 pub type SharedBlindness = Arc<Mutex<Option<Blindness>>>;
 
 /// The camera.
 pub struct Eye {
-    /// Where it is along the image's lines, in micrometres.
+    /// Its place along the image's lines, in micrometres.
     pub place_um: Arc<dyn Fn() -> f64 + Send + Sync>,
-    /// What is wrong with it.
+    /// Its fault.
     pub blindness: SharedBlindness,
+    /// The clock by which it falls silent.
+    pub clock: Arc<dyn Clock>,
 }
 
-/// Why there is no picture.
+/// The reason why there is no picture.
 #[derive(Debug)]
 pub struct EyeError(&'static str);
 
@@ -67,8 +69,9 @@ impl BlockingCamera for Eye {
             Some(Blindness::Once) => Err(EyeError("a damaged picture")),
             Some(Blindness::Gone) => Err(EyeError("the sensor is gone")),
             Some(Blindness::Silent) => {
-                let start = Instant::now();
-                while start.elapsed() < timeout && !is_cancelled.load(Ordering::Relaxed) {
+                let start = self.clock.now();
+                // It only looks at the clock: time is another thread's.
+                while self.clock.now() - start < timeout && !is_cancelled.load(Ordering::Relaxed) {
                     thread::sleep(Duration::from_millis(2));
                 }
                 Err(EyeError("no picture came"))

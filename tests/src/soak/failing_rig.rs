@@ -2,15 +2,14 @@
 
 use std::{
     sync::{Arc, PoisonError, atomic::AtomicUsize},
-    thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use multiscopic::{
     DisparityMap, Engine,
     capture::{
-        Acquisition, ThreadedCamera, acquire_images,
-        stage::{self, AnyStage, Limits, StageSpec},
+        Acquisition, Clock, SystemClock, ThreadedCamera, acquire_images_with_clock,
+        stage::{AnyStage, Limits},
     },
 };
 use multiscopic_core::{
@@ -22,6 +21,7 @@ use super::eye::{Blindness, Eye, PIXEL_UM, SIZE, SharedBlindness};
 use crate::{
     simulated::{
         arm::{self, SimulatedArm},
+        clock::SimulatedClock,
         machine::{self, Firmware, SimulatedMachine},
         pose::Pose,
     },
@@ -34,12 +34,16 @@ const DISPARITY: i32 = 4;
 const DOWN: Pose = [0.4, -0.2, 0.5, std::f64::consts::PI, 0.0, 0.0];
 /// The position at which machines start, in millimetres.
 const START: [f64; 2] = [120.5, 80.25];
-/// How long the hardware may take to come to rest after a capture.
-const UNREST: Duration = Duration::from_secs(10);
-/// How long a capture may take with every retry and time-out.
-const PATIENCE: Duration = Duration::from_secs(90);
+/// The time limit for whatever hardware in the time of the system does. Only a hung capture reaches it.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// The most simulated time that a capture takes with every retry and time-out.
+const LONGEST: Duration = Duration::from_secs(300);
+/// The time-out of a picture. Simulated time passes no faster than the system's while one is taken.
+const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
+/// The time between two looks at whether the hardware moves.
+const LOOK: Duration = Duration::from_millis(3);
 
-/// Time limits that a busy machine keeps.
+/// Limits in simulated time.
 const LIMITS: Limits = Limits {
     reach_um: 100_000,
     speed_mm_s: 250.0,
@@ -49,7 +53,10 @@ const LIMITS: Limits = Limits {
     stall_timeout: Duration::from_secs(1),
 };
 
-/// What goes wrong with a capture.
+/// Limits in the time of the system.
+const PATIENT: Limits = Limits { connect_timeout: PATIENCE, silence_timeout: PATIENCE, stall_timeout: PATIENCE, ..LIMITS };
+
+/// A trouble of a capture.
 #[derive(Clone, Copy, Debug)]
 pub enum Trouble {
     /// The arm fails.
@@ -67,7 +74,7 @@ pub enum Trouble {
 }
 
 impl Trouble {
-    /// What it is called, and what an error that it causes must say: one of these.
+    /// Its name, and the words of which an error that it causes must have one.
     fn description(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Trouble::Arm(arm::Fault::ProtectiveStop { .. }) => ("arm: protective stop", &["protective stop"]),
@@ -90,70 +97,111 @@ impl Trouble {
         }
     }
 
-    /// Whether the capture may go on in spite of it.
+    /// Returns true if the capture may go on in spite of it.
     fn is_bearable(self) -> bool {
         // The next move opens new connections, if it is already known that the old ones are broken.
         matches!(self, Trouble::Disconnection | Trouble::Eye(Blindness::Once))
     }
 
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> &'static str {
         self.description().0
     }
 }
 
-/// What moves the camera.
+/// The time that a rig goes by.
+enum Time {
+    System,
+    Simulated(Arc<SimulatedClock>),
+}
+
+impl Time {
+    fn clock(&self) -> Arc<dyn Clock> {
+        match self {
+            Time::System => Arc::new(SystemClock),
+            Time::Simulated(clock) => clock.clone(),
+        }
+    }
+
+    /// Lets simulated time pass no faster than the system's, while a camera's thread works.
+    fn keep_pace(&self, keeps_pace: bool) {
+        if let Time::Simulated(clock) = self {
+            clock.keep_pace(keeps_pace);
+        }
+    }
+}
+
+/// The hardware that moves the camera.
 #[derive(Clone)]
 enum Mover {
     Arm(Arc<SimulatedArm>),
-    Machine(Arc<SimulatedMachine>),
+    Machine(Arc<SimulatedMachine>, Firmware),
 }
 
-/// A camera and what moves it.
+/// A camera and the hardware that moves it.
 pub struct FailingRig {
     mover: Mover,
+    time: Time,
     blindness: SharedBlindness,
 }
 
 impl FailingRig {
-    /// One of several kinds of rigs in turn.
+    /// One of several kinds of rigs in turn: each kind of hardware in simulated time, and more rarely with sockets and terminals
+    /// in the time of the system.
     pub fn start(number: usize) -> FailingRig {
-        let machine = |firmware| Mover::Machine(Arc::new(SimulatedMachine::start(firmware, START, Duration::ZERO)));
-        let mover = match number % 4 {
-            0 | 1 => Mover::Arm(Arc::new(SimulatedArm::start(DOWN))),
-            2 => machine(Firmware::Grbl),
+        let time = match number / 4 % 4 {
+            3 => Time::System,
+            _ => Time::Simulated(Arc::new(SimulatedClock::default())),
+        };
+        let machine = |firmware| {
+            let machine = match &time {
+                Time::Simulated(clock) => SimulatedMachine::in_time_of(clock, firmware, START, Duration::ZERO),
+                Time::System => SimulatedMachine::start(firmware, START, Duration::ZERO),
+            };
+            Mover::Machine(Arc::new(machine), firmware)
+        };
+        let mover = match (number % 4, &time) {
+            (0 | 1, Time::Simulated(clock)) => Mover::Arm(Arc::new(SimulatedArm::in_time_of(clock, DOWN))),
+            (0 | 1, Time::System) => Mover::Arm(Arc::new(SimulatedArm::start(DOWN))),
+            (2, _) => machine(Firmware::Grbl),
             _ => machine(Firmware::Marlin),
         };
-        FailingRig { mover, blindness: SharedBlindness::default() }
+        FailingRig { mover, time, blindness: SharedBlindness::default() }
     }
 
-    /// What may go wrong with it.
+    /// A random trouble that it may have. In the time of the system, that is one which shows at once: a time-out would have to be
+    /// long enough for a busy machine.
     pub fn trouble(&self, random: &mut Random) -> Trouble {
-        let of_all =
-            [Trouble::Eye(Blindness::Once), Trouble::Eye(Blindness::Gone), Trouble::Eye(Blindness::Silent), Trouble::Interrupt];
-        let of_mover = match self.mover {
+        let mut all = vec![Trouble::Eye(Blindness::Once), Trouble::Eye(Blindness::Gone), Trouble::Interrupt];
+        all.extend(match self.mover {
             Mover::Arm(_) => vec![
                 Trouble::Arm(arm::Fault::ProtectiveStop { after_m: 0.0005 }),
-                Trouble::Arm(arm::Fault::Stuck),
-                Trouble::Arm(arm::Fault::Ignoring),
-                Trouble::Arm(arm::Fault::Silent),
                 Trouble::Arm(arm::Fault::Nonsense),
                 Trouble::Disconnection,
             ],
-            Mover::Machine(_) => vec![
-                Trouble::Machine(machine::Fault::LimitSwitch { after_mm: 0.5 }),
+            Mover::Machine(..) => vec![Trouble::Machine(machine::Fault::Refusing), Trouble::Restart],
+        });
+        let limit_switch = Trouble::Machine(machine::Fault::LimitSwitch { after_mm: 0.5 });
+        match (&self.time, &self.mover) {
+            (Time::System, Mover::Machine(_, Firmware::Grbl)) => all.push(limit_switch),
+            (Time::System, _) => {}
+            (Time::Simulated(_), Mover::Arm(_)) => all.extend([
+                Trouble::Eye(Blindness::Silent),
+                Trouble::Arm(arm::Fault::Stuck),
+                Trouble::Arm(arm::Fault::Ignoring),
+                Trouble::Arm(arm::Fault::Silent),
+            ]),
+            (Time::Simulated(_), Mover::Machine(..)) => all.extend([
+                Trouble::Eye(Blindness::Silent),
+                limit_switch,
                 Trouble::Machine(machine::Fault::Stuck),
                 Trouble::Machine(machine::Fault::Silent),
-                Trouble::Machine(machine::Fault::Refusing),
-                Trouble::Restart,
-            ],
-        };
-        let all = [&of_all[..], &of_mover].concat();
+            ]),
+        }
         all[random.below(all.len())]
     }
 
-    /// Captures, with a trouble after one of the frames, and matches what was captured. Panics unless what happens is what
-    /// should.
+    /// Captures, with a trouble after one of the frames, and matches the frames. Panics if anything but the expected happens.
     pub fn capture(&self, trouble: Option<Trouble>, random: &mut Random) {
         let mut stage = self.open();
         let (plan, policy) = self.sequence();
@@ -162,16 +210,24 @@ impl FailingRig {
         // A camera that fails is asked for another frame; a stage fails at the next move, of which the last is the way back.
         let frames = plan.frames().len();
         let after = random.below(if matches!(trouble, Some(Trouble::Eye(_))) { frames - 1 } else { frames });
-        let (mut retries, start) = (0, Instant::now());
-        let taken = acquire_images(&mut stage, &mut camera, &plan, policy, &interrupts, |_, progress| match progress {
-            CaptureProgress::Captured(index) if index == after => {
-                trouble.into_iter().for_each(|trouble| self.cause(trouble, &interrupts));
+        let clock = self.time.clock();
+        let (mut retries, start) = (0, clock.now());
+        let observe = |_: Duration, progress: CaptureProgress| {
+            match progress {
+                CaptureProgress::Captured(index) if index == after => {
+                    trouble.into_iter().for_each(|trouble| self.cause(trouble, &interrupts));
+                }
+                CaptureProgress::Retrying(_) => retries += 1,
+                _ => {}
             }
-            CaptureProgress::Retrying(_) => retries += 1,
-            _ => {}
-        });
+            let is_taken = matches!(progress, CaptureProgress::Capturing(_) | CaptureProgress::Retrying(_));
+            self.time.keep_pace(is_taken && self.blindness() != Some(Blindness::Silent));
+        };
+        let taken = acquire_images_with_clock(&*clock, &mut stage, &mut camera, &plan, policy, &interrupts, observe);
+        self.time.keep_pace(false);
         let what = trouble.map_or("nothing", Trouble::name);
-        assert!(start.elapsed() < PATIENCE, "{what}: it took {:?}", start.elapsed());
+        let (took, longest) = (clock.now() - start, if let Time::System = self.time { 2 * PATIENCE } else { LONGEST });
+        assert!(took < longest, "{what}: it took {took:?}");
         drop(stage);
         drop(camera);
         self.assert_rest(what);
@@ -194,20 +250,24 @@ impl FailingRig {
     }
 
     fn open(&self) -> AnyStage {
-        let spec = match &self.mover {
-            Mover::Arm(arm) => arm.spec(),
-            Mover::Machine(machine) => machine.spec(),
+        let limits = if let Time::System = self.time { PATIENT } else { LIMITS };
+        let opened = match &self.mover {
+            Mover::Arm(arm) => arm.stage(&limits),
+            Mover::Machine(machine, _) => machine.stage(&limits),
         };
-        let spec: StageSpec = spec.parse().expect("a stage");
-        stage::open(&spec, &LIMITS).unwrap_or_else(|error| panic!("after a repair, {spec} is refused: {error}"))
+        opened.unwrap_or_else(|error| panic!("after a repair, the stage is refused: {error}"))
+    }
+
+    fn blindness(&self) -> Option<Blindness> {
+        *self.blindness.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn sequence(&self) -> (Plan, Policy) {
         let plan = Plan::new(Views::HORIZONTAL, (f64::from(DISPARITY) * PIXEL_UM) as u32);
         let policy = Policy {
             settle: Duration::ZERO,
-            move_timeout: Duration::from_secs(20),
-            frame_timeout: Duration::from_secs(1),
+            move_timeout: PATIENCE,
+            frame_timeout: FRAME_TIMEOUT,
             retries: 1,
             tolerance_um: 200,
             backlash_um: 0,
@@ -222,21 +282,22 @@ impl FailingRig {
                 let home = arm.pose()[0];
                 Arc::new(move || (arm.pose()[0] - home) * 1e6)
             }
-            Mover::Machine(machine) => {
+            Mover::Machine(machine, _) => {
                 let home = machine.place()[0];
                 Arc::new(move || (machine.place()[0] - home) * 1e3)
             }
         };
-        let blindness = self.blindness.clone();
-        ThreadedCamera::new(move || Ok(Eye { place_um: place_um.clone(), blindness: blindness.clone() }), timeout)
+        let (blindness, clock) = (self.blindness.clone(), self.time.clock());
+        let eye = move || Ok(Eye { place_um: place_um.clone(), blindness: blindness.clone(), clock: clock.clone() });
+        ThreadedCamera::new(eye, timeout)
     }
 
     fn cause(&self, trouble: Trouble, interrupts: &AtomicUsize) {
         match (trouble, &self.mover) {
             (Trouble::Arm(fault), Mover::Arm(arm)) => arm.fail(fault),
             (Trouble::Disconnection, Mover::Arm(arm)) => arm.disconnect(),
-            (Trouble::Machine(fault), Mover::Machine(machine)) => machine.fail(fault),
-            (Trouble::Restart, Mover::Machine(machine)) => machine.restart(),
+            (Trouble::Machine(fault), Mover::Machine(machine, _)) => machine.fail(fault),
+            (Trouble::Restart, Mover::Machine(machine, _)) => machine.restart(),
             (Trouble::Eye(blindness), _) => *self.blindness.lock().unwrap_or_else(PoisonError::into_inner) = Some(blindness),
             (Trouble::Interrupt, _) => _ = interrupts.fetch_add(1, std::sync::atomic::Ordering::Relaxed),
             _ => unreachable!("it is for another rig"),
@@ -245,22 +306,23 @@ impl FailingRig {
 
     /// Waits until nothing moves.
     fn assert_rest(&self, what: &str) {
-        let start = Instant::now();
+        let clock = self.time.clock();
+        let start = clock.now();
         let is_moving = || match &self.mover {
             // What is stuck in a move will not end it, but does not move either.
             Mover::Arm(arm) => {
                 let before = arm.pose();
-                thread::sleep(Duration::from_millis(3));
+                clock.sleep(LOOK);
                 arm.is_moving() && arm.pose() != before
             }
-            Mover::Machine(machine) => {
+            Mover::Machine(machine, _) => {
                 let before = machine.place();
-                thread::sleep(Duration::from_millis(3));
+                clock.sleep(LOOK);
                 machine.is_moving() && machine.place() != before
             }
         };
         while is_moving() {
-            assert!(start.elapsed() < UNREST, "{what}: it still moves after the capture");
+            assert!(clock.now() - start < PATIENCE, "{what}: it still moves after the capture");
         }
     }
 
@@ -274,7 +336,7 @@ impl FailingRig {
                 arm.disconnect();
                 arm.heard();
             }
-            Mover::Machine(machine) => {
+            Mover::Machine(machine, _) => {
                 machine.fail(machine::Fault::None);
                 machine.lock(false);
                 machine.restart();

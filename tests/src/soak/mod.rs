@@ -14,14 +14,16 @@ use std::{
 use crate::split_mix::Random;
 use failing_rig::FailingRig;
 
-/// How many captures of ten have a trouble.
+/// The number of captures of ten that have a trouble.
 const TROUBLED: usize = 3;
-/// How much memory may grow after the first rounds, in KiB: the allocator's own fragments.
+/// The growth of memory after the first rounds that is allowed, in KiB: the allocator's own fragments.
 const GROWTH_KIB: u64 = 8 * 1024;
-/// How long threads and connections that are closed may take to be gone.
-const CLOSING: Duration = Duration::from_secs(10);
+/// The time that threads and connections that are closed may take to be gone. Only a leak reaches it.
+const CLOSING: Duration = Duration::from_secs(60);
+/// The time after the first round for which nothing may change.
+const REST: Duration = Duration::from_secs(2);
 
-/// How many captures, and on how many rigs at once.
+/// Numbers of captures, and of rigs that take them at once.
 #[derive(Clone, Copy, Debug)]
 pub struct Soak {
     /// Captures in all, rounded up to whole rounds.
@@ -34,7 +36,7 @@ pub struct Soak {
     pub seed: u64,
 }
 
-/// What the process takes.
+/// The resources of the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Usage {
     /// Captures so far.
@@ -47,12 +49,12 @@ pub struct Usage {
     pub threads: usize,
 }
 
-/// How many captures had each trouble.
+/// The number of captures that had each trouble.
 pub type Troubles = BTreeMap<&'static str, usize>;
 
 impl Soak {
-    /// Captures until all are done. Tells `observe` what the process takes after each round, when all rigs are at rest. Panics if
-    /// anything is not as it should be.
+    /// Captures until all are done. Tells `observe` the resources of the process after each round, when all rigs are at rest.
+    /// Panics if anything is not as it should be.
     pub fn run(&self, mut observe: impl FnMut(&Usage)) -> Troubles {
         let rigs: Vec<(FailingRig, Mutex<Random>)> =
             (0..self.rigs).map(|number| (FailingRig::start(number), Mutex::new(Random(self.seed + number as u64)))).collect();
@@ -105,7 +107,7 @@ impl Usage {
         Some([least(|usage| usage.descriptors)?, least(|usage| usage.threads)?])
     }
 
-    /// What the process takes once it takes no more than the `least` descriptors and threads before.
+    /// The resources of the process once they are no more than the `least` descriptors and threads before.
     fn settled(captures: usize, least: Option<[usize; 2]>) -> Usage {
         let start = Instant::now();
         let mut before = Usage::now(captures);
@@ -114,7 +116,7 @@ impl Usage {
             let now = Usage::now(captures);
             let is_settled = match least {
                 Some([descriptors, threads]) => now.descriptors <= descriptors && now.threads <= threads,
-                None => (now.descriptors, now.threads) == (before.descriptors, before.threads) && start.elapsed() > CLOSING / 5,
+                None => (now.descriptors, now.threads) == (before.descriptors, before.threads) && start.elapsed() > REST,
             };
             if is_settled || start.elapsed() > CLOSING {
                 return now;

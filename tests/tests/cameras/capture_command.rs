@@ -9,7 +9,7 @@ use std::{
     process::{Child, Command, Stdio},
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicUsize, Ordering},
     },
     thread::{self, JoinHandle},
     time::{Duration, Instant},
@@ -41,8 +41,8 @@ const BASELINE_MM: &str = "15";
 /// The camera's first pose. It looks aside, so that its image plane is not parallel to a plane of the base's
 /// axes.
 const START: Pose = [0.4, -0.2, 0.5, 0.3, FRAC_PI_2, -0.2];
-/// The time limit of a successful capture in an emulator.
-const LONG: Duration = Duration::from_secs(90);
+/// The time limit for whatever a capture does in an emulator. Only a hung capture reaches it.
+const LONG: Duration = Duration::from_secs(180);
 /// The tolerance of positions in metres.
 const NEAR: f64 = 1e-4;
 
@@ -55,8 +55,9 @@ fn poses() -> [Pose; 5] {
 /// An arm with a camera that sees one image at each of five poses, and stripes elsewhere.
 struct Rig {
     arm: Arc<SimulatedArm>,
-    /// Whether the camera delivers frames.
+    /// True if the camera is to deliver frames, and the number of times that it has begun or ceased to.
     is_on: Arc<AtomicBool>,
+    switches: Arc<AtomicUsize>,
     is_over: Arc<AtomicBool>,
     world: Option<JoinHandle<()>>,
     folder: TempDir,
@@ -66,6 +67,7 @@ impl Rig {
     fn new(images: &ViewSet) -> Rig {
         let arm = Arc::new(SimulatedArm::start(START));
         let (is_on, is_over) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
+        let switches = Arc::new(AtomicUsize::new(0));
         let views = images.views.clone().map(|view| view.expect("all views"));
         let seen: Vec<Vec<u8>> = [images.center.clone()].into_iter().chain(views).collect();
         let (width, height) = (images.width as u32, images.height as u32);
@@ -73,12 +75,14 @@ impl Rig {
         let image = |pixels: &[u8]| GrayImage::from_raw(width, height, pixels.to_vec()).expect("the pixels are as many");
         let (first, there, on, over) = (image(&seen[0]), arm.clone(), is_on.clone(), is_over.clone());
         let mut producer = Some(Producer::gray(Path::new(CAMERA), &first).expect("the loopback device can be fed"));
+        let switched = switches.clone();
         let world = thread::spawn(move || {
             while !over.load(Ordering::Relaxed) {
-                if !on.load(Ordering::Relaxed) {
-                    producer = None;
-                } else if producer.is_none() {
-                    producer = Some(Producer::gray(Path::new(CAMERA), &first).expect("the loopback device can be fed"));
+                let must_feed = on.load(Ordering::Relaxed);
+                if must_feed != producer.is_some() {
+                    producer =
+                        must_feed.then(|| Producer::gray(Path::new(CAMERA), &first).expect("the loopback device can be fed"));
+                    switched.fetch_add(1, Ordering::Relaxed);
                 }
                 let pose = there.pose();
                 let at = poses().iter().position(|place| distance(*place, pose) < NEAR).filter(|_| !there.is_moving());
@@ -88,7 +92,7 @@ impl Rig {
                 thread::sleep(Duration::from_millis(4));
             }
         });
-        Rig { arm, is_on, is_over, world: Some(world), folder: tempfile::tempdir().expect("a folder") }
+        Rig { arm, is_on, switches, is_over, world: Some(world), folder: tempfile::tempdir().expect("a folder") }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -99,7 +103,15 @@ impl Rig {
     fn command(&self, output: &Path, arguments: &[&str]) -> Command {
         let mut command = Command::new(program::binary());
         command.args(["capture", "--camera", CAMERA, "--stage", &self.arm.spec(), "--baseline", BASELINE_MM, "--warm-up", "2"]);
-        for [option, value] in [["--speed", "100"], ["--acceleration", "1000"], ["--settle", "0.1"]] {
+        // Time-outs that only a hung capture reaches, unless it is to fail by one.
+        for [option, value] in [
+            ["--speed", "100"],
+            ["--acceleration", "1000"],
+            ["--settle", "0.1"],
+            ["--move-timeout", "120"],
+            ["--silence-timeout", "120"],
+            ["--frame-timeout", "60"],
+        ] {
             if !arguments.contains(&option) {
                 command.args([option, value]);
             }
@@ -115,7 +127,7 @@ impl Rig {
 
     /// Captures into the folder `name`, which must succeed.
     fn capture(&self, name: &str) -> Outcome {
-        let ended = self.start(&self.path(name), &[]).end(LONG)?;
+        let ended = self.start(&self.path(name), &[]).end()?;
         if ended.code != Some(0) || !self.path(name).join("rig.toml").is_file() {
             return Err(format!("{name}: {ended:?}").into());
         }
@@ -140,6 +152,15 @@ impl Rig {
             return Err(format!("{words:?}: {ended:?}; left: {left:?}; moves: {}", self.arm.is_moving()).into());
         }
         Ok(())
+    }
+
+    /// Switches the camera on or off, and waits until it is.
+    fn switch(&self, is_on: bool) -> Outcome {
+        let before = self.switches.load(Ordering::Relaxed);
+        match self.is_on.swap(is_on, Ordering::Relaxed) == is_on {
+            true => Ok(()),
+            false => self.wait("the camera was switched", |_| self.switches.load(Ordering::Relaxed) > before),
+        }
     }
 
     /// Waits until `is_so`.
@@ -179,15 +200,15 @@ struct Ended {
 }
 
 impl Capture {
-    /// Waits for the end, which must come within `limit`.
-    fn end(&mut self, limit: Duration) -> Result<Ended, Box<dyn Error>> {
+    /// Waits for the end.
+    fn end(&mut self) -> Result<Ended, Box<dyn Error>> {
         let start = Instant::now();
         let mut child = self.child.take().expect("it ends once");
         while child.try_wait()?.is_none() {
-            if start.elapsed() > limit {
+            if start.elapsed() > LONG {
                 child.kill()?;
                 let output = child.wait_with_output()?;
-                return Err(format!("no end after {limit:?}: {}", String::from_utf8_lossy(&output.stderr)).into());
+                return Err(format!("no end after {LONG:?}: {}", String::from_utf8_lossy(&output.stderr)).into());
             }
             thread::sleep(Duration::from_millis(5));
         }
@@ -272,7 +293,7 @@ fn real_capture() -> Outcome {
 
 fn live_captures() -> Outcome {
     let rig = Rig::new(&golden::images());
-    let ended = rig.start(&rig.path("live"), &["--views", "2", "--live", "--count", "2"]).end(2 * LONG)?;
+    let ended = rig.start(&rig.path("live"), &["--views", "2", "--live", "--count", "2"]).end()?;
     let has = |name: &str| rig.path("live").join(name).exists();
     if ended.code != Some(0) || !has("0001/right.png") || !has("0002/rig.toml") || has("0002/top.png") || has("0003") {
         return Err(format!("{ended:?}").into());
@@ -282,21 +303,21 @@ fn live_captures() -> Outcome {
 
 /// A fault of the arm ends the capture with a message, and the arm rests. Once repaired, the next capture
 /// works.
-fn arm_fault(strike: Strike, while_it_moves: bool, words: &[&str]) -> Outcome {
+fn arm_fault(strike: Strike, while_it_moves: bool, arguments: &[&str], words: &[&str]) -> Outcome {
     let rig = Rig::new(&golden::images());
     if !while_it_moves {
         strike(&rig.arm);
     }
-    let mut capture = rig.start(&rig.path("rig"), &["--move-timeout", "4"]);
+    let mut capture = rig.start(&rig.path("rig"), arguments);
     if while_it_moves {
         rig.wait("the arm moved", |arm| distance(arm.pose(), START) > 0.003)?;
         strike(&rig.arm);
     }
-    let ended = capture.end(Duration::from_secs(40))?;
+    let ended = capture.end()?;
     rig.failed(&ended, words)?;
     rig.arm.release();
     // The arm stopped on its way. The next capture is centred there, where the camera sees stripes.
-    let ended = rig.start(&rig.path("next"), &["--views", "1"]).end(LONG)?;
+    let ended = rig.start(&rig.path("next"), &["--views", "1"]).end()?;
     if ended.code != Some(0) || !rig.path("next/rig.toml").is_file() {
         return Err(format!("the next capture: {ended:?}").into());
     }
@@ -306,18 +327,17 @@ fn arm_fault(strike: Strike, while_it_moves: bool, words: &[&str]) -> Outcome {
 /// If the camera stops delivering frames, the capture fails and the arm returns.
 fn camera_starves() -> Outcome {
     let rig = Rig::new(&golden::images());
-    let mut capture = rig.start(&rig.path("rig"), &["--frame-timeout", "2", "--retries", "1"]);
+    let mut capture = rig.start(&rig.path("rig"), &["--frame-timeout", "10", "--retries", "1"]);
     rig.wait_near(1)?;
-    rig.is_on.store(false, Ordering::Relaxed);
-    let ended = capture.end(Duration::from_secs(40))?;
+    rig.switch(false)?;
+    let ended = capture.end()?;
     rig.failed(&ended, &[CAMERA])?;
     rig.rests(&poses()[0], "after the camera starved")?;
-    rig.is_on.store(true, Ordering::Relaxed);
-    thread::sleep(Duration::from_millis(500));
+    rig.switch(true)?;
     rig.capture("next")
 }
 
-/// When Ctrl-C is pressed.
+/// The phase of a capture in which Ctrl-C is pressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     Connecting,
@@ -330,8 +350,9 @@ enum Phase {
 fn interrupted(phase: Phase) -> Outcome {
     let rig = Rig::new(&golden::images());
     let arguments: &[&str] = match phase {
-        Phase::Settling => &["--settle", "20"],
-        Phase::Capturing => &["--frame-timeout", "20"],
+        // Far longer than until the interrupt.
+        Phase::Settling => &["--settle", "600"],
+        Phase::Capturing => &["--frame-timeout", "600"],
         // Slow enough to be interrupted on the way.
         Phase::Moving | Phase::Returning => &["--speed", "5"],
         Phase::Connecting => &[],
@@ -341,15 +362,17 @@ fn interrupted(phase: Phase) -> Outcome {
     }
     let mut capture = rig.start(&rig.path("rig"), arguments);
     match phase {
-        Phase::Connecting => thread::sleep(Duration::from_secs(2)),
+        Phase::Connecting => rig.wait("the arm was connected to", SimulatedArm::has_connections)?,
         Phase::Moving => rig.wait("the arm moved", |arm| distance(arm.pose(), START) > 0.003)?,
         Phase::Settling => {
             rig.wait("the arm was told to move", |arm| arm.heard().iter().any(|heard| matches!(heard, Heard::Move(_))))?;
+            // It has arrived by then, or is interrupted on its way.
             thread::sleep(Duration::from_secs(1));
         }
         Phase::Capturing => {
             rig.wait_near(1)?;
-            rig.is_on.store(false, Ordering::Relaxed);
+            rig.switch(false)?;
+            // It waits for a frame by then, or is interrupted before.
             thread::sleep(Duration::from_secs(2));
         }
         Phase::Returning => {
@@ -358,17 +381,15 @@ fn interrupted(phase: Phase) -> Outcome {
         }
     }
     capture.interrupt();
-    // At 5 mm/s the way back takes up to 4 s.
-    let ended = capture.end(Duration::from_secs(15))?;
+    let ended = capture.end()?;
     let word = if phase == Phase::Connecting { "" } else { "aborted" };
     rig.failed(&ended, &[word]).map_err(|error| format!("{phase:?}: {error}"))?;
     if phase != Phase::Returning {
         rig.rests(&poses()[0], "after Ctrl-C")?;
     }
     rig.arm.release();
-    rig.is_on.store(true, Ordering::Relaxed);
-    thread::sleep(Duration::from_millis(500));
-    let ended = rig.start(&rig.path("next"), &["--views", "1"]).end(LONG)?;
+    rig.switch(true)?;
+    let ended = rig.start(&rig.path("next"), &["--views", "1"]).end()?;
     if ended.code != Some(0) {
         return Err(format!("the next capture: {ended:?}").into());
     }
@@ -384,7 +405,7 @@ fn disk_full() -> Outcome {
         return Err("a small disk cannot be mounted".into());
     }
     let outcome = (|| -> Outcome {
-        let ended = rig.start(&small.path().join("rig"), &[]).end(LONG)?;
+        let ended = rig.start(&small.path().join("rig"), &[]).end()?;
         rig.failed(&ended, &["cannot write", "rig", "No space left"])?;
         if let Some(left) = fs::read_dir(small.path())?.next() {
             return Err(format!("{left:?} is left").into());
@@ -403,10 +424,9 @@ fn refusals() -> Outcome {
         let output = rig.path("rig");
         all.push(output.to_str().ok_or("a path in UTF-8")?);
         all.extend(arguments);
-        let start = Instant::now();
         Invocation::new(&all).assert_refused(words);
-        if start.elapsed() > Duration::from_secs(15) || output.exists() {
-            return Err(format!("{arguments:?} took {:?}", start.elapsed()).into());
+        if output.exists() {
+            return Err(format!("{arguments:?} left files").into());
         }
         Ok(())
     };
@@ -421,7 +441,7 @@ fn refusals() -> Outcome {
     rig.rests(&poses()[0], "after a refusal")?;
     // The output already exists.
     fs::write(rig.path("rig"), "mine")?;
-    let ended = rig.start(&rig.path("rig"), &[]).end(LONG)?;
+    let ended = rig.start(&rig.path("rig"), &[]).end()?;
     if ended.code != Some(2) || !ended.stderr.contains("is there already") || fs::read(rig.path("rig"))? != b"mine" {
         return Err(format!("{ended:?}").into());
     }
@@ -440,16 +460,17 @@ pub fn trials(has_cameras: bool) -> Vec<Trial> {
     test("real_capture", has_data, Box::new(real_capture));
     test("live_captures", true, Box::new(live_captures));
     test("refusals", true, Box::new(refusals));
-    let faults: [(&str, Strike, bool, &[&str]); 6] = [
-        ("arm_never_arrives", |arm| arm.fail(Fault::Stuck), true, &[]),
-        ("arm_ignores_orders", |arm| arm.fail(Fault::Ignoring), false, &[]),
-        ("arm_stops_protectively", |arm| arm.fail(Fault::ProtectiveStop { after_m: 0.004 }), false, &["protective"]),
-        ("arm_falls_silent", |arm| arm.fail(Fault::Silent), true, &[]),
-        ("arm_disconnects", |arm| arm.disconnect(), true, &[]),
-        ("arm_is_none", |arm| arm.fail(Fault::OtherProtocol), false, &[]),
+    let short: &[&str] = &["--move-timeout", "4"];
+    let faults: [(&str, Strike, bool, &[&str], &[&str]); 6] = [
+        ("arm_never_arrives", |arm| arm.fail(Fault::Stuck), true, short, &[]),
+        ("arm_ignores_orders", |arm| arm.fail(Fault::Ignoring), false, short, &[]),
+        ("arm_stops_protectively", |arm| arm.fail(Fault::ProtectiveStop { after_m: 0.004 }), false, &[], &["protective"]),
+        ("arm_falls_silent", |arm| arm.fail(Fault::Silent), true, &["--silence-timeout", "3"], &[]),
+        ("arm_disconnects", |arm| arm.disconnect(), true, &[], &[]),
+        ("arm_is_none", |arm| arm.fail(Fault::OtherProtocol), false, &[], &[]),
     ];
-    for (name, strike, while_it_moves, words) in faults {
-        test(name, true, Box::new(move || arm_fault(strike, while_it_moves, words)));
+    for (name, strike, while_it_moves, arguments, words) in faults {
+        test(name, true, Box::new(move || arm_fault(strike, while_it_moves, arguments, words)));
     }
     test("camera_starves", true, Box::new(camera_starves));
     for phase in [Phase::Connecting, Phase::Moving, Phase::Settling, Phase::Capturing, Phase::Returning] {

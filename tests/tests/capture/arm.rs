@@ -6,11 +6,14 @@ use std::{
     net::TcpListener,
     sync::Arc,
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use crate::hostile_arm::{ANSWERS, hear};
-use multiscopic::capture::stage::{self, AnyStage, Limits, SafetyMode, StageError, StageSpec};
+use multiscopic::capture::{
+    Clock, SystemClock,
+    stage::{self, AnyStage, Limits, SafetyMode, StageError, StageSpec},
+};
 use multiscopic_core::{
     Views,
     capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence, Stage},
@@ -18,6 +21,7 @@ use multiscopic_core::{
 use multiscopic_tests::{
     simulated::{
         arm::{Fault, Heard, SimulatedArm},
+        clock::SimulatedClock,
         pose::{Pose, angle, distance},
     },
     split_mix::Random,
@@ -28,10 +32,10 @@ const DOWN: Pose = [0.4, -0.2, 0.5, PI, 0.0, 0.0];
 /// A tool with an arbitrary orientation.
 const ASKEW: Pose = [-0.3, 0.25, 0.6, 0.3, -1.2, 0.7];
 
-/// The time limit for a motion.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// The time limit for whatever a stage does. With an arm behind real sockets, only a hung test reaches it.
+const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Fast motions, and time-outs as short as a busy system allows.
+/// Fast motions and short time-outs, for an arm in simulated time.
 fn limits() -> Limits {
     Limits {
         speed_mm_s: 250.0,
@@ -43,41 +47,94 @@ fn limits() -> Limits {
     }
 }
 
-fn open(arm: &SimulatedArm) -> Result<AnyStage, StageError> {
-    open_named(&arm.spec())
-}
-
-fn open_named(spec: &str) -> Result<AnyStage, StageError> {
-    stage::open(&spec.parse::<StageSpec>()?, &limits())
+/// Time-outs that only a hung test reaches, for an arm in the time of the system.
+fn patient() -> Limits {
+    Limits { connect_timeout: PATIENCE, silence_timeout: PATIENCE, stall_timeout: PATIENCE, ..limits() }
 }
 
 fn at(x_um: i32, y_um: i32) -> Position {
     Position { x_um, y_um }
 }
 
-/// Waits until the stage has arrived, or fails.
-fn arrive(stage: &mut AnyStage) -> Result<(), StageError> {
-    let start = Instant::now();
-    while !stage.has_arrived()? {
-        assert!(start.elapsed() < PATIENCE, "the stage neither arrives nor fails");
-        thread::sleep(Duration::from_millis(4));
+/// An arm and the clock that it goes by.
+#[derive(Clone)]
+struct Bench {
+    clock: Arc<dyn Clock>,
+    arm: Arc<SimulatedArm>,
+    limits: Limits,
+}
+
+impl Bench {
+    /// An arm in simulated time.
+    fn new(pose: Pose) -> Bench {
+        let clock = Arc::new(SimulatedClock::default());
+        Bench { arm: Arc::new(SimulatedArm::in_time_of(&clock, pose)), clock, limits: limits() }
     }
-    Ok(())
-}
 
-fn go(stage: &mut AnyStage, position: Position) -> Result<(), StageError> {
-    stage.move_to(position)?;
-    arrive(stage)
-}
+    /// An arm behind sockets, in the time of the system.
+    fn behind_sockets(pose: Pose) -> Bench {
+        Bench { arm: Arc::new(SimulatedArm::start(pose)), clock: Arc::new(SystemClock), limits: patient() }
+    }
 
-/// Starts a move and waits until the arm is on its way.
-fn set_out(stage: &mut AnyStage, arm: &SimulatedArm, position: Position) {
-    let start = arm.pose();
-    stage.move_to(position).unwrap();
-    let begin = Instant::now();
-    while distance(arm.pose(), start) < 1e-3 {
-        assert!(begin.elapsed() < PATIENCE, "the arm does not move");
-        thread::sleep(Duration::from_millis(1));
+    fn open(&self) -> Result<AnyStage, StageError> {
+        self.arm.stage(&self.limits)
+    }
+
+    /// Waits until `is_over`.
+    fn wait(&self, what: &str, mut is_over: impl FnMut() -> Result<bool, StageError>) -> Result<(), StageError> {
+        let start = self.clock.now();
+        while !is_over()? {
+            assert!(self.clock.now() - start < PATIENCE, "it never came that {what}");
+            self.clock.sleep(Duration::from_millis(2));
+        }
+        Ok(())
+    }
+
+    /// Waits until the stage has arrived, or fails.
+    fn arrive(&self, stage: &mut AnyStage) -> Result<(), StageError> {
+        self.wait("the stage arrives or fails", || stage.has_arrived())
+    }
+
+    fn go(&self, stage: &mut AnyStage, position: Position) -> Result<(), StageError> {
+        stage.move_to(position)?;
+        self.arrive(stage)
+    }
+
+    /// Starts a move and waits until the arm is on its way.
+    fn set_out(&self, stage: &mut AnyStage, position: Position) {
+        let start = self.arm.pose();
+        stage.move_to(position).unwrap();
+        self.wait("the arm moves", || Ok(distance(self.arm.pose(), start) >= 1e-3)).unwrap();
+    }
+
+    /// Calls `fails`, which must end soon after the longest time-outs.
+    fn soon<T>(&self, fails: impl FnOnce() -> T) -> T {
+        let start = self.clock.now();
+        let result = fails();
+        let took = self.clock.now() - start;
+        let Limits { connect_timeout, silence_timeout, .. } = self.limits;
+        assert!(took < connect_timeout + silence_timeout + Duration::from_secs(2), "it took {took:?}");
+        result
+    }
+
+    /// Waits until the arm has received the order to stop and stands still.
+    fn stops(&self) {
+        let mut heard = self.arm.heard();
+        let has_stopped = || {
+            heard.extend(self.arm.heard());
+            Ok(!self.arm.is_moving() && heard.last() == Some(&Heard::Stop))
+        };
+        self.wait("the arm stopped", has_stopped).unwrap();
+    }
+
+    /// Stops the stage after an error, checks that the arm received the order, and repairs it. The stage then
+    /// works, with the same centre.
+    fn recovers(&self, stage: &mut AnyStage, start: Pose) {
+        let _ = self.soon(|| stage.stop());
+        self.stops();
+        self.arm.release();
+        self.soon(|| self.go(stage, at(0, 3000))).unwrap();
+        assert_at(self.arm.pose(), moved(start, at(0, 3000)));
     }
 }
 
@@ -105,38 +162,10 @@ fn assert_at(found: Pose, expected: Pose) {
     assert!(off.0 < 1e-8 && off.1 < 1e-8, "{found:?} is {off:?} from {expected:?}");
 }
 
-/// Calls `fails`, which must end soon after the longest time-out.
-fn soon<T>(fails: impl FnOnce() -> T) -> T {
-    let start = Instant::now();
-    let result = fails();
-    assert!(start.elapsed() < Duration::from_secs(10), "it took {:?}", start.elapsed());
-    result
-}
-
-/// Waits until the arm has received the order to stop and stands still.
-fn stops(arm: &SimulatedArm) {
-    let (start, mut heard) = (Instant::now(), arm.heard());
-    while arm.is_moving() || heard.last() != Some(&Heard::Stop) {
-        assert!(start.elapsed() < Duration::from_secs(2), "the arm moves on after {heard:?}");
-        thread::sleep(Duration::from_millis(4));
-        heard.extend(arm.heard());
-    }
-}
-
-/// Stops the stage after an error, checks that the arm received the order, and repairs it. The stage then
-/// works, with the same centre.
-fn recovers(stage: &mut AnyStage, arm: &SimulatedArm, start: Pose) {
-    let _ = soon(|| stage.stop());
-    stops(arm);
-    arm.release();
-    soon(|| go(stage, at(0, 3000))).unwrap();
-    assert_at(arm.pose(), moved(start, at(0, 3000)));
-}
-
 #[test]
 fn moves_a_tool_that_looks_down() {
-    let arm = SimulatedArm::start(DOWN);
-    let mut stage = open(&arm).unwrap();
+    let bench = Bench::new(DOWN);
+    let mut stage = bench.open().unwrap();
     assert_eq!(stage.position().unwrap(), Some(Position::CENTER));
     // The tool's x axis is the base's; its y axis is reversed.
     for (position, x, y) in [
@@ -146,197 +175,200 @@ fn moves_a_tool_that_looks_down() {
         (at(0, 20_000), 0.4, -0.22),
         (at(0, 0), 0.4, -0.2),
     ] {
-        go(&mut stage, position).unwrap();
-        assert_at(arm.pose(), [x, y, 0.5, PI, 0.0, 0.0]);
+        bench.go(&mut stage, position).unwrap();
+        assert_at(bench.arm.pose(), [x, y, 0.5, PI, 0.0, 0.0]);
         assert_eq!(stage.position().unwrap(), Some(position));
     }
 }
 
 #[test]
 fn moves_a_tool_of_any_orientation() {
-    let arm = SimulatedArm::start(ASKEW);
-    let mut stage = open(&arm).unwrap();
+    let bench = Bench::new(ASKEW);
+    let mut stage = bench.open().unwrap();
     // Repeating an order changes nothing.
     for position in [at(15_000, 0), at(-7_000, 12_345), at(-7_000, 12_345), at(0, -1)] {
-        go(&mut stage, position).unwrap();
-        assert_at(arm.pose(), moved(ASKEW, position));
+        bench.go(&mut stage, position).unwrap();
+        assert_at(bench.arm.pose(), moved(ASKEW, position));
         assert_eq!(stage.position().unwrap(), Some(position));
     }
-    assert_eq!(arm.heard().len(), 4);
+    assert_eq!(bench.arm.heard().len(), 4);
 }
 
 #[test]
 fn an_order_replaces_the_previous_one() {
-    let arm = SimulatedArm::start(ASKEW);
-    let mut stage = open(&arm).unwrap();
-    set_out(&mut stage, &arm, at(90_000, 0));
+    let bench = Bench::new(ASKEW);
+    let mut stage = bench.open().unwrap();
+    bench.set_out(&mut stage, at(90_000, 0));
     assert!(!stage.has_arrived().unwrap());
-    go(&mut stage, at(0, 2000)).unwrap();
-    assert_at(arm.pose(), moved(ASKEW, at(0, 2000)));
+    bench.go(&mut stage, at(0, 2000)).unwrap();
+    assert_at(bench.arm.pose(), moved(ASKEW, at(0, 2000)));
 }
 
 #[test]
 fn nothing_moves_beyond_the_reach() {
-    let arm = SimulatedArm::start(DOWN);
-    let mut stage = open(&arm).unwrap();
+    let bench = Bench::new(DOWN);
+    let mut stage = bench.open().unwrap();
     for position in [at(100_001, 0), at(0, -100_001), at(80_000, 80_000), at(i32::MIN, i32::MIN)] {
         let refusal = stage.move_to(position).unwrap_err();
         assert!(matches!(refusal, StageError::OutOfReach { position: p, reach_um: 100_000 } if p == position), "{refusal}");
     }
-    assert_eq!(arm.heard(), []);
+    assert_eq!(bench.arm.heard(), []);
 }
 
 #[test]
 fn a_stop_halts_the_arm() {
-    let arm = SimulatedArm::start(DOWN);
-    let mut stage = open(&arm).unwrap();
-    set_out(&mut stage, &arm, at(90_000, 0));
+    let bench = Bench::new(DOWN);
+    let mut stage = bench.open().unwrap();
+    bench.set_out(&mut stage, at(90_000, 0));
     stage.stop().unwrap();
-    assert!(!arm.is_moving());
+    assert!(!bench.arm.is_moving());
     let Some(Position { x_um, y_um: 0 }) = stage.position().unwrap() else { panic!("it is on its way") };
     assert!((1_000..80_000).contains(&x_um), "{x_um} um");
     assert!(!stage.has_arrived().unwrap(), "it is not where it was sent");
     // Again, at rest.
     stage.stop().unwrap();
-    recovers(&mut stage, &arm, DOWN);
+    bench.recovers(&mut stage, DOWN);
 }
 
 #[test]
 fn dropping_the_stage_halts_the_arm() {
-    let arm = SimulatedArm::start(DOWN);
-    let mut stage = open(&arm).unwrap();
-    set_out(&mut stage, &arm, at(90_000, 0));
+    let bench = Bench::new(DOWN);
+    let mut stage = bench.open().unwrap();
+    bench.set_out(&mut stage, at(90_000, 0));
     drop(stage);
-    assert!(!arm.is_moving());
-    assert_eq!(arm.heard().last(), Some(&Heard::Stop));
+    assert!(!bench.arm.is_moving());
+    assert_eq!(bench.arm.heard().last(), Some(&Heard::Stop));
     // At rest it sends nothing.
-    let mut stage = open(&arm).unwrap();
-    go(&mut stage, at(1000, 0)).unwrap();
+    let mut stage = bench.open().unwrap();
+    bench.go(&mut stage, at(1000, 0)).unwrap();
     drop(stage);
-    assert!(matches!(arm.heard()[..], [Heard::Move(_)]));
+    assert!(matches!(bench.arm.heard()[..], [Heard::Move(_)]));
 }
 
 #[test]
 fn a_protective_stop_is_reported() {
-    let arm = SimulatedArm::start(ASKEW);
-    let mut stage = open(&arm).unwrap();
-    arm.fail(Fault::ProtectiveStop { after_m: 0.01 });
-    let error = soon(|| go(&mut stage, at(40_000, 0))).unwrap_err();
+    let bench = Bench::new(ASKEW);
+    let mut stage = bench.open().unwrap();
+    bench.arm.fail(Fault::ProtectiveStop { after_m: 0.01 });
+    let error = bench.soon(|| bench.go(&mut stage, at(40_000, 0))).unwrap_err();
     assert!(matches!(error, StageError::SafetyStop(SafetyMode::ProtectiveStop)), "{error}");
     assert_eq!(error.to_string(), "the arm has stopped: protective stop; release it at the teach pendant");
     // No order is sent to a stopped arm.
-    arm.heard();
+    bench.arm.heard();
     assert!(matches!(stage.move_to(at(0, 0)), Err(StageError::SafetyStop(_))));
-    assert_eq!(arm.heard(), []);
-    recovers(&mut stage, &arm, ASKEW);
+    assert_eq!(bench.arm.heard(), []);
+    bench.recovers(&mut stage, ASKEW);
 }
 
 #[test]
 fn an_arm_that_never_arrives_times_out() {
-    let arm = SimulatedArm::start(DOWN);
-    let mut stage = open(&arm).unwrap();
-    go(&mut stage, at(500, 0)).unwrap();
-    arm.fail(Fault::Stuck);
-    let error = soon(|| go(&mut stage, at(20_000, 0))).unwrap_err();
+    let bench = Bench::new(DOWN);
+    let mut stage = bench.open().unwrap();
+    bench.go(&mut stage, at(500, 0)).unwrap();
+    bench.arm.fail(Fault::Stuck);
+    let error = bench.soon(|| bench.go(&mut stage, at(20_000, 0))).unwrap_err();
     assert!(matches!(error, StageError::Stalled { distance_um: 19_490..19_510, .. }), "{error}");
-    recovers(&mut stage, &arm, DOWN);
+    bench.recovers(&mut stage, DOWN);
 }
 
 #[test]
 fn an_arm_that_ignores_orders_is_reported() {
-    let arm = SimulatedArm::start(DOWN);
-    let mut stage = open(&arm).unwrap();
-    arm.fail(Fault::Ignoring);
-    let error = soon(|| go(&mut stage, at(20_000, 0))).unwrap_err();
+    let bench = Bench::new(DOWN);
+    let mut stage = bench.open().unwrap();
+    bench.arm.fail(Fault::Ignoring);
+    let error = bench.soon(|| bench.go(&mut stage, at(20_000, 0))).unwrap_err();
     assert!(matches!(error, StageError::Ignored { .. }), "{error}");
-    recovers(&mut stage, &arm, DOWN);
+    bench.recovers(&mut stage, DOWN);
 }
 
 #[test]
 fn local_control_is_reported() {
-    let arm = SimulatedArm::start(DOWN);
-    arm.fail(Fault::LocalControl);
-    let error = soon(|| {
-        let mut stage = open(&arm)?;
-        thread::sleep(Duration::from_millis(50));
-        go(&mut stage, at(20_000, 0))
+    let bench = Bench::new(DOWN);
+    bench.arm.fail(Fault::LocalControl);
+    let error = bench.soon(|| {
+        let mut stage = bench.open()?;
+        bench.clock.sleep(Duration::from_millis(50));
+        bench.go(&mut stage, at(20_000, 0))
     });
     let error = error.unwrap_err();
     assert!(matches!(error, StageError::Disconnected { .. }) && error.to_string().contains("remote control"), "{error}");
-    arm.release();
-    go(&mut open(&arm).unwrap(), at(1000, 0)).unwrap();
+    bench.arm.release();
+    bench.go(&mut bench.open().unwrap(), at(1000, 0)).unwrap();
 }
 
 #[test]
 fn a_silent_arm_times_out() {
-    let arm = SimulatedArm::start(ASKEW);
-    let mut stage = open(&arm).unwrap();
-    set_out(&mut stage, &arm, at(90_000, 0));
-    arm.fail(Fault::Silent);
-    let error = soon(|| arrive(&mut stage)).unwrap_err();
+    let bench = Bench::new(ASKEW);
+    let mut stage = bench.open().unwrap();
+    bench.set_out(&mut stage, at(90_000, 0));
+    bench.arm.fail(Fault::Silent);
+    let error = bench.soon(|| bench.arrive(&mut stage)).unwrap_err();
     assert!(matches!(error, StageError::Silent { .. }), "{error}");
     // The stop is not visible, but it is received.
-    assert!(matches!(soon(|| stage.stop()), Err(StageError::Silent { .. })));
-    recovers(&mut stage, &arm, ASKEW);
+    assert!(matches!(bench.soon(|| stage.stop()), Err(StageError::Silent { .. })));
+    bench.recovers(&mut stage, ASKEW);
 
-    arm.fail(Fault::Silent);
-    let error = soon(|| open(&arm)).map(drop).unwrap_err();
+    bench.arm.fail(Fault::Silent);
+    let error = bench.soon(|| bench.open()).map(drop).unwrap_err();
     assert!(matches!(&error, StageError::Silent { from, .. } if from.contains("127.0.0.1")), "{error}");
-    arm.release();
-    open(&arm).unwrap();
+    bench.arm.release();
+    bench.open().unwrap();
 }
 
 #[test]
 fn a_lost_connection_is_reported() {
-    let arm = SimulatedArm::start(ASKEW);
-    let mut stage = open(&arm).unwrap();
-    set_out(&mut stage, &arm, at(90_000, 0));
-    arm.disconnect();
-    let error = soon(|| arrive(&mut stage)).unwrap_err();
-    assert!(matches!(error, StageError::Disconnected { .. }), "{error}");
-    assert!(arm.is_moving(), "it goes on by itself");
-    recovers(&mut stage, &arm, ASKEW);
+    for (bench, is_simulated) in [(Bench::new(ASKEW), true), (Bench::behind_sockets(ASKEW), false)] {
+        let mut stage = bench.open().unwrap();
+        bench.set_out(&mut stage, at(90_000, 0));
+        bench.arm.disconnect();
+        let error = bench.soon(|| bench.arrive(&mut stage)).unwrap_err();
+        assert!(matches!(error, StageError::Disconnected { .. }), "{error}");
+        assert!(!is_simulated || bench.arm.is_moving(), "it goes on by itself");
+        bench.recovers(&mut stage, ASKEW);
+    }
 }
 
 #[test]
 fn a_nonsensical_pose_is_reported() {
-    let arm = SimulatedArm::start(DOWN);
-    let mut stage = open(&arm).unwrap();
-    set_out(&mut stage, &arm, at(90_000, 0));
-    arm.fail(Fault::Nonsense);
-    let error = soon(|| arrive(&mut stage)).unwrap_err();
+    let bench = Bench::new(DOWN);
+    let mut stage = bench.open().unwrap();
+    bench.set_out(&mut stage, at(90_000, 0));
+    bench.arm.fail(Fault::Nonsense);
+    let error = bench.soon(|| bench.arrive(&mut stage)).unwrap_err();
     assert!(matches!(&error, StageError::Protocol { found, .. } if found.contains("NaN")), "{error}");
-    recovers(&mut stage, &arm, DOWN);
+    bench.recovers(&mut stage, DOWN);
 }
 
 #[test]
 fn another_protocol_is_refused() {
-    let arm = SimulatedArm::start(DOWN);
-    arm.fail(Fault::OtherProtocol);
-    let error = soon(|| open(&arm)).map(drop).unwrap_err();
-    assert!(matches!(&error, StageError::Protocol { found, .. } if found.contains("SSH-2.0")), "{error}");
-    arm.release();
-    open(&arm).unwrap();
+    for bench in [Bench::new(DOWN), Bench::behind_sockets(DOWN)] {
+        bench.arm.fail(Fault::OtherProtocol);
+        let error = bench.open().map(drop).unwrap_err();
+        assert!(matches!(&error, StageError::Protocol { found, .. } if found.contains("SSH-2.0")), "{error}");
+        bench.arm.release();
+        bench.open().unwrap();
+    }
 }
 
 #[test]
 fn an_address_without_an_arm_is_refused() {
+    let open = |spec: &str, limits| stage::open(&spec.parse().unwrap(), limits);
     let arm = SimulatedArm::start(DOWN);
     let (spec, ports) = (arm.spec(), arm.ports());
     drop(arm);
     // A closed port, an unknown name, an unknown host.
     for spec in [spec.as_str(), "ur10:no-such-arm.invalid", "ur10:192.0.2.1"] {
-        let error = soon(|| open_named(spec)).map(drop).unwrap_err();
+        let error = open(spec, &limits()).map(drop).unwrap_err();
         assert!(matches!(error, StageError::Connect { .. }), "{error}");
     }
     let arm = SimulatedArm::listen([127, 0, 0, 1].into(), ports, DOWN).unwrap();
     assert_eq!(arm.spec(), spec);
-    open_named(&spec).unwrap();
+    open(&spec, &patient()).unwrap();
 }
 
 #[test]
 fn an_arm_that_is_not_ready_is_refused() {
-    let arm = SimulatedArm::start(DOWN);
+    let bench = Bench::new(DOWN);
     for (robot, safety, words) in [
         (5, 1, "the arm is idle with its brakes on"),
         (3, 1, "the arm is switched off"),
@@ -346,14 +378,14 @@ fn an_arm_that_is_not_ready_is_refused() {
         (7, 7, "emergency stop of the arm"),
         (7, 11, "safety mode 11"),
     ] {
-        arm.set_modes(robot, safety);
-        let error = open(&arm).map(drop).unwrap_err();
+        bench.arm.set_modes(robot, safety);
+        let error = bench.open().map(drop).unwrap_err();
         assert!(matches!(error, StageError::NotReady { .. } | StageError::SafetyStop(_)), "{error}");
         assert!(error.to_string().contains(words), "{error}");
     }
     // Reduced speed does not prevent motions.
-    arm.set_modes(7, 2);
-    go(&mut open(&arm).unwrap(), at(1000, 0)).unwrap();
+    bench.arm.set_modes(7, 2);
+    bench.go(&mut bench.open().unwrap(), at(1000, 0)).unwrap();
 }
 
 /// Answers the handshake as an arm does, then sends `noise`.
@@ -382,7 +414,7 @@ fn random_bytes_do_no_harm() {
             noise.resize(length.max(4), 0xff);
             noise[..4].copy_from_slice(&[0, length as u8, b'U', 1]);
         }
-        let error = soon(|| stage::open(&noisy(noise), &limits())).map(drop).unwrap_err();
+        let error = stage::open(&noisy(noise), &patient()).map(drop).unwrap_err();
         assert!(matches!(error, StageError::Protocol { .. } | StageError::Disconnected { .. }), "{error}");
     }
 }
@@ -420,69 +452,72 @@ impl Camera for Witness {
 
 type Failure = CaptureError<StageError, std::convert::Infallible>;
 
-/// Runs a sequence to its end and calls `meanwhile` after each step.
-fn capture(
-    arm: &Arc<SimulatedArm>,
-    stage: &mut AnyStage,
-    plan: &Plan,
-    mut meanwhile: impl FnMut(CaptureProgress, &mut Sequence<'_, StageError, std::convert::Infallible>),
-) -> (Result<(), Failure>, Vec<(usize, Pose)>) {
-    let mut camera = Witness { arm: arm.clone(), seen: Vec::new(), polls: 0 };
-    let policy = Policy { settle: Duration::from_millis(20), move_timeout: Duration::from_secs(10), ..Policy::default() };
-    let mut sequence = Sequence::new(plan.positions(), policy);
-    let begin = Instant::now();
-    loop {
-        match sequence.poll(begin.elapsed(), stage, &mut camera) {
-            Ok(CaptureProgress::Done) => return (Ok(()), camera.seen),
-            Ok(progress) => meanwhile(progress, &mut sequence),
-            Err(error) => return (Err(error), camera.seen),
+impl Bench {
+    /// Runs a sequence to its end and calls `meanwhile` after each step.
+    fn capture(
+        &self,
+        stage: &mut AnyStage,
+        plan: &Plan,
+        mut meanwhile: impl FnMut(CaptureProgress, &mut Sequence<'_, StageError, std::convert::Infallible>),
+    ) -> (Result<(), Failure>, Vec<(usize, Pose)>) {
+        let mut camera = Witness { arm: self.arm.clone(), seen: Vec::new(), polls: 0 };
+        let policy = Policy { settle: Duration::from_millis(20), move_timeout: PATIENCE, ..Policy::default() };
+        let mut sequence = Sequence::new(plan.positions(), policy);
+        let begin = self.clock.now();
+        loop {
+            match sequence.poll(self.clock.now() - begin, stage, &mut camera) {
+                Ok(CaptureProgress::Done) => return (Ok(()), camera.seen),
+                Ok(progress) => meanwhile(progress, &mut sequence),
+                Err(error) => return (Err(error), camera.seen),
+            }
+            self.clock.sleep(Duration::from_millis(2));
         }
-        thread::sleep(Duration::from_millis(2));
     }
 }
 
 #[test]
 fn a_sequence_takes_five_frames() {
-    let arm = Arc::new(SimulatedArm::start(ASKEW));
-    let mut stage = open(&arm).unwrap();
-    let plan = Plan::new(Views::CROSS, 20_000);
-    let (ended, seen) = capture(&arm, &mut stage, &plan, |_, _| ());
-    ended.unwrap();
-    assert_eq!(seen.len(), 5);
-    for (i, ((index, pose), position)) in seen.into_iter().zip(plan.positions()).enumerate() {
-        assert_eq!(index, i);
-        assert_at(pose, moved(ASKEW, *position));
+    for bench in [Bench::new(ASKEW), Bench::behind_sockets(ASKEW)] {
+        let mut stage = bench.open().unwrap();
+        let plan = Plan::new(Views::CROSS, 20_000);
+        let (ended, seen) = bench.capture(&mut stage, &plan, |_, _| ());
+        ended.unwrap();
+        assert_eq!(seen.len(), 5);
+        for (i, ((index, pose), position)) in seen.into_iter().zip(plan.positions()).enumerate() {
+            assert_eq!(index, i);
+            assert_at(pose, moved(ASKEW, *position));
+        }
+        assert_at(bench.arm.pose(), ASKEW);
     }
-    assert_at(arm.pose(), ASKEW);
 }
 
 #[test]
 fn an_aborted_sequence_returns_to_the_centre() {
-    let arm = Arc::new(SimulatedArm::start(DOWN));
-    let mut stage = open(&arm).unwrap();
+    let bench = Bench::new(DOWN);
+    let mut stage = bench.open().unwrap();
     let plan = Plan::new(Views::HORIZONTAL, 50_000);
     // On the way to the left pose.
-    let far = |progress| progress == CaptureProgress::Moving(1) && distance(arm.pose(), DOWN) > 0.01;
-    let (aborted, seen) = capture(&arm, &mut stage, &plan, |progress, sequence| {
+    let far = |progress| progress == CaptureProgress::Moving(1) && distance(bench.arm.pose(), DOWN) > 0.01;
+    let (aborted, seen) = bench.capture(&mut stage, &plan, |progress, sequence| {
         if far(progress) {
             sequence.abort();
         }
     });
     assert!(matches!(aborted, Err(CaptureError::Aborted)) && seen.len() == 1);
-    assert!(matches!(arm.heard()[..], [Heard::Move(_), Heard::Move(_), Heard::Stop, Heard::Move(_)]));
-    assert_at(arm.pose(), DOWN);
+    assert!(matches!(bench.arm.heard()[..], [Heard::Move(_), Heard::Move(_), Heard::Stop, Heard::Move(_)]));
+    assert_at(bench.arm.pose(), DOWN);
 
     for fault in [Fault::ProtectiveStop { after_m: 0.02 }, Fault::Stuck, Fault::Silent, Fault::Nonsense] {
-        let (failed, _) = capture(&arm, &mut stage, &plan, |progress, _| {
+        let (failed, _) = bench.capture(&mut stage, &plan, |progress, _| {
             if far(progress) {
-                arm.fail(fault);
+                bench.arm.fail(fault);
             }
         });
         assert!(matches!(failed, Err(CaptureError::Stage(_))), "{failed:?}");
-        stops(&arm);
-        arm.release();
-        let (ended, seen) = capture(&arm, &mut stage, &plan, |_, _| ());
+        bench.stops();
+        bench.arm.release();
+        let (ended, seen) = bench.capture(&mut stage, &plan, |_, _| ());
         ended.unwrap();
-        assert!(seen.len() == 3 && distance(arm.pose(), DOWN) < 1e-8, "{fault:?}");
+        assert!(seen.len() == 3 && distance(bench.arm.pose(), DOWN) < 1e-8, "{fault:?}");
     }
 }

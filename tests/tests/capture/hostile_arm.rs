@@ -1,20 +1,27 @@
 //! An arm that lies, falls silent and hangs up: whatever it says, it is not told to go where nobody asked for.
 
 use std::{
-    io::{self, Read, Write},
-    net::{Ipv4Addr, TcpListener, TcpStream},
+    io::{self, Read},
+    net::TcpStream,
+    ops::ControlFlow,
     sync::{Arc, Mutex},
-    thread,
     time::{Duration, Instant},
 };
 
-use multiscopic::capture::stage::{Arm, ArmAddress, Limits};
+use multiscopic::capture::{
+    Clock,
+    stage::{Arm, ArmAddress, Limits, StageError},
+};
 use multiscopic_core::capture::{Position, Stage};
+use multiscopic_tests::simulated::{
+    clock::SimulatedClock,
+    network::{Service, SimulatedNetwork},
+};
 use proptest::prelude::*;
 
 use super::orders::{Order, order};
 
-/// Where the tool is when the arm is opened.
+/// The pose of the tool when the arm is opened.
 const START: [f64; 6] = [0.4, -0.2, 0.5, 1.2, -0.3, 0.7];
 /// The answers to the questions of the handshake: the version, the recipe and the start.
 pub const ANSWERS: [&[u8]; 3] = [b"\0\x04V\x01", b"\0\x2fO\x01DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32", b"\0\x04S\x01"];
@@ -30,7 +37,7 @@ fn limits(milliseconds: u64) -> Limits {
     }
 }
 
-/// What the arm says next.
+/// The next words of the arm.
 #[derive(Clone, Debug)]
 enum Saying {
     /// Its pose, operating mode, safety mode, and whether it runs a program.
@@ -60,64 +67,105 @@ impl Saying {
     }
 }
 
-/// An arm, and all that it was told on its port for scripts.
+/// An arm in simulated time, and all that it was told on its port for scripts.
 struct LyingArm {
-    address: ArmAddress,
-    scripts: Arc<Mutex<Vec<String>>>,
+    clock: Arc<SimulatedClock>,
+    network: Arc<SimulatedNetwork>,
+    scripts: Scripts,
 }
 
+/// The scripts of all connections.
+type Scripts = Arc<Mutex<Vec<Vec<u8>>>>;
+
 impl LyingArm {
-    /// An arm that shakes hands whenever it is called, tells the truth once, and then says these things, over all calls.
-    fn saying(sayings: Vec<Saying>) -> LyingArm {
-        let sayings = Mutex::new(sayings.into_iter());
-        LyingArm::answering(move |stream| {
-            for answer in ANSWERS {
-                hear(stream)?;
-                stream.write_all(answer)?;
+    /// An arm that has a new `liar` for each connection to its port for data.
+    fn new<L: Service + 'static>(liar: impl Fn() -> L + Send + Sync + 'static) -> LyingArm {
+        let (clock, scripts) = (Arc::new(SimulatedClock::default()), Scripts::default());
+        let heard = scripts.clone();
+        let network = SimulatedNetwork::new(&clock, move |port| match port {
+            ArmAddress::RTDE_PORT => Some(Box::new(liar())),
+            _ => {
+                let mut scripts = heard.lock().expect("scripts");
+                scripts.push(Vec::new());
+                Some(Box::new(Listener { scripts: heard.clone(), number: scripts.len() - 1 }))
             }
-            stream.write_all(&Saying::TRUE.bytes())?;
-            loop {
-                let Some(saying) = sayings.lock().expect("sayings").next() else { return Ok(()) };
-                stream.write_all(&saying.bytes())?;
-                match saying {
-                    Saying::Part(_) => return Ok(()),
-                    Saying::Silence(milliseconds) => thread::sleep(Duration::from_millis(milliseconds)),
-                    _ => thread::sleep(Duration::from_millis(1)),
+        });
+        LyingArm { clock, network, scripts }
+    }
+
+    fn open(&self, limits: &Limits) -> Result<Arm, StageError> {
+        let (script_port, rtde_port) = (ArmAddress::SCRIPT_PORT, ArmAddress::RTDE_PORT);
+        let address = ArmAddress { host: "liar".into(), script_port, rtde_port };
+        Arm::connect_with_clock(&address, self.network.client(), limits, self.clock.clone())
+    }
+
+    /// Follows orders, with errors as they come.
+    fn follow(&self, stage: &mut Arm, orders: &[Order]) {
+        for order in orders {
+            let start = self.clock.elapsed();
+            let _ = match order {
+                Order::MoveTo(position) => stage.move_to(*position),
+                Order::HasArrived => stage.has_arrived().map(drop),
+                Order::Position => stage.position().map(drop),
+                Order::Stop => stage.stop(),
+                Order::Wait(milliseconds) => {
+                    self.clock.sleep(Duration::from_millis(*milliseconds));
+                    Ok(())
                 }
-            }
-        })
+            };
+            let took = self.clock.elapsed() - start;
+            assert!(took < Duration::from_secs(5), "{order:?} took {took:?}");
+        }
     }
 
-    /// An arm that answers each call so, and then hangs up.
-    fn answering(answer: impl Fn(&mut TcpStream) -> io::Result<()> + Send + 'static) -> LyingArm {
-        let listen = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a free port");
-        let (data, script) = (listen(), listen());
-        let [rtde_port, script_port] = [&data, &script].map(|port| port.local_addr().expect("an address").port());
-        let scripts = Arc::new(Mutex::new(Vec::new()));
-        thread::spawn(move || {
-            for mut stream in data.incoming().flatten() {
-                // The other end may have heard enough.
-                let _ = answer(&mut stream);
-            }
-        });
-        let heard = Arc::clone(&scripts);
-        thread::spawn(move || {
-            for mut stream in script.incoming().flatten() {
-                let heard = Arc::clone(&heard);
-                thread::spawn(move || {
-                    let mut script = String::new();
-                    let _ = stream.read_to_string(&mut script);
-                    heard.lock().expect("scripts").push(script);
-                });
-            }
-        });
-        LyingArm { address: ArmAddress { host: "127.0.0.1".into(), script_port, rtde_port }, scripts }
-    }
-
-    /// What was told over all connections, once they are closed.
+    /// The scripts that it was told over each connection.
     fn scripts(&self) -> Vec<String> {
-        thread::sleep(Duration::from_millis(20));
-        std::mem::take(&mut self.scripts.lock().expect("scripts"))
+        let scripts = std::mem::take(&mut *self.scripts.lock().expect("scripts"));
+        scripts.into_iter().map(|script| String::from_utf8(script).expect("text")).collect()
+    }
+}
+
+/// Notes the script of a connection.
+struct Listener {
+    scripts: Scripts,
+    number: usize,
+}
+
+impl Service for Listener {
+    fn serve(&mut self, arrived: &[u8], _: Instant, _: &mut Vec<u8>) -> ControlFlow<()> {
+        if let Some(script) = self.scripts.lock().expect("scripts").get_mut(self.number) {
+            script.extend(arrived);
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// A liar that shakes hands, tells the truth once, and then says these things, over all connections.
+struct Liar {
+    sayings: Arc<Mutex<std::vec::IntoIter<Saying>>>,
+    answers: std::slice::Iter<'static, &'static [u8]>,
+    has_told_truth: bool,
+    /// The time at which it says something again.
+    next: Option<Instant>,
+}
+
+impl Service for Liar {
+    fn serve(&mut self, arrived: &[u8], now: Instant, answer: &mut Vec<u8>) -> ControlFlow<()> {
+        if !arrived.is_empty() {
+            answer.extend(self.answers.next().into_iter().flat_map(|bytes| bytes.iter()));
+        }
+        if !self.answers.as_slice().is_empty() || self.next.is_some_and(|next| now < next) {
+            return ControlFlow::Continue(());
+        }
+        if !self.has_told_truth {
+            self.has_told_truth = true;
+            answer.extend(Saying::TRUE.bytes());
+        }
+        let Some(saying) = self.sayings.lock().expect("sayings").next() else { return ControlFlow::Break(()) };
+        answer.extend(saying.bytes());
+        let pause = if let Saying::Silence(milliseconds) = saying { milliseconds } else { 1 };
+        self.next = Some(now + Duration::from_millis(pause));
+        if matches!(saying, Saying::Part(_)) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
@@ -160,24 +208,6 @@ fn check(scripts: &[String], asked: &[Position]) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Follows orders, with errors as they come.
-fn follow(stage: &mut Arm, orders: &[Order]) {
-    for order in orders {
-        let start = Instant::now();
-        let _ = match order {
-            Order::MoveTo(position) => stage.move_to(*position),
-            Order::HasArrived => stage.has_arrived().map(drop),
-            Order::Position => stage.position().map(drop),
-            Order::Stop => stage.stop(),
-            Order::Wait(milliseconds) => {
-                thread::sleep(Duration::from_millis(*milliseconds));
-                Ok(())
-            }
-        };
-        assert!(start.elapsed() < Duration::from_secs(5), "{order:?} took {:?}", start.elapsed());
-    }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(48) })]
 
@@ -186,50 +216,69 @@ proptest! {
         sayings in proptest::collection::vec(saying(), 0..150),
         orders in proptest::collection::vec(order(), 1..25),
     ) {
-        let arm = LyingArm::saying(sayings);
-        if let Ok(mut stage) = Arm::connect(&arm.address, &limits(40)) {
-            follow(&mut stage, &orders);
+        let sayings = Arc::new(Mutex::new(sayings.into_iter()));
+        let arm = LyingArm::new(move || Liar { sayings: sayings.clone(), answers: ANSWERS.iter(), has_told_truth: false, next: None });
+        if let Ok(mut stage) = arm.open(&limits(40)) {
+            arm.follow(&mut stage, &orders);
         }
         let asked = orders.iter().filter_map(|order| if let Order::MoveTo(position) = order { Some(*position) } else { None });
         check(&arm.scripts(), &asked.collect::<Vec<_>>())?;
     }
 }
 
+/// An arm that tells the truth and hangs up after so many bytes.
+struct Quitter {
+    left: usize,
+    answers: std::slice::Iter<'static, &'static [u8]>,
+    next: Option<Instant>,
+}
+
+impl Quitter {
+    fn say(&mut self, bytes: &[u8], answer: &mut Vec<u8>) -> ControlFlow<()> {
+        let said = &bytes[..self.left.min(bytes.len())];
+        self.left -= said.len();
+        answer.extend(said);
+        if said.len() == bytes.len() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+}
+
+impl Service for Quitter {
+    fn serve(&mut self, arrived: &[u8], now: Instant, answer: &mut Vec<u8>) -> ControlFlow<()> {
+        if !arrived.is_empty()
+            && let Some(bytes) = self.answers.next()
+        {
+            self.say(bytes, answer)?;
+            if self.answers.as_slice().is_empty() {
+                self.next = Some(now);
+            }
+        }
+        // A move waits for a sample that is new.
+        if let Some(next) = self.next.filter(|next| *next <= now) {
+            self.next = Some(next + Duration::from_millis(5));
+            self.say(&Saying::TRUE.bytes(), answer)?;
+        }
+        ControlFlow::Continue(())
+    }
+}
+
 /// The connection ends after each byte that the arm says. A move that was asked for is told at most once.
 #[test]
 fn a_connection_may_end_at_every_byte() {
-    let conversation = ANSWERS.concat().len() + 2 * Saying::TRUE.bytes().len();
+    let handshake = ANSWERS.concat().len();
+    // Two samples until it is open and on its way, and one more.
+    let conversation = handshake + 3 * Saying::TRUE.bytes().len();
     let target = Position { x_um: 3000, y_um: -2000 };
     let [mut opened, mut moved] = [0; 2];
     for length in 0..=conversation {
-        let arm = LyingArm::answering(move |stream| {
-            let mut left = length;
-            let mut say = |stream: &mut TcpStream, bytes: &[u8]| {
-                let said = &bytes[..left.min(bytes.len())];
-                left -= said.len();
-                stream.write_all(said)?;
-                if said.len() == bytes.len() { Ok(()) } else { Err(io::Error::other("it hangs up")) }
-            };
-            for answer in ANSWERS {
-                hear(stream)?;
-                say(stream, answer)?;
-            }
-            say(stream, &Saying::TRUE.bytes())?;
-            say(stream, &Saying::TRUE.bytes())?;
-            // A move waits for a sample that is new.
-            for _ in 0..200 {
-                thread::sleep(Duration::from_millis(5));
-                stream.write_all(&Saying::TRUE.bytes())?;
-            }
-            Ok(())
-        });
-        // It hangs up, so that patience on a busy system takes no time.
-        if let Ok(mut stage) = Arm::connect(&arm.address, &limits(1500)) {
+        let arm = LyingArm::new(move || Quitter { left: length, answers: ANSWERS.iter(), next: None });
+        if let Ok(mut stage) = arm.open(&limits(1500)) {
             opened += 1;
-            follow(&mut stage, &[Order::MoveTo(target), Order::HasArrived]);
+            arm.follow(&mut stage, &[Order::MoveTo(target), Order::HasArrived]);
         }
         let scripts = arm.scripts();
-        moved += scripts.iter().filter(|script| script.contains("movel")).count();
+        let moves = scripts.iter().filter(|script| script.contains("movel")).count();
+        assert!(moves <= 1, "after {length} bytes: {scripts:?}");
+        moved += moves;
         check(&scripts, &[target]).unwrap_or_else(|error| panic!("after {length} bytes: {error}"));
     }
     assert!(opened >= 120 && moved > 0, "{opened} of {conversation} opened, {moved} moved");

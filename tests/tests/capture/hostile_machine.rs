@@ -5,14 +5,19 @@ use std::{
     io::{self, ErrorKind, Read, Write},
     mem,
     sync::{Arc, Mutex, MutexGuard},
-    thread,
     time::{Duration, Instant},
     vec,
 };
 
-use multiscopic::capture::stage::{AnyStage, Limits, StageError, gcode};
+use multiscopic::capture::{
+    Clock,
+    stage::{AnyStage, Limits, StageError, gcode},
+};
 use multiscopic_core::capture::{Position, Stage};
-use multiscopic_tests::simulated::machine::{Firmware, InstantMachine};
+use multiscopic_tests::simulated::{
+    clock::SimulatedClock,
+    machine::{BYTE, Firmware, InstantMachine},
+};
 use proptest::{
     collection::vec,
     prelude::*,
@@ -23,10 +28,10 @@ use rayon::prelude::*;
 
 use super::orders::{Order, order};
 
-/// Where the machine is when it is opened, in millimetres: whole inches, which each firmware reports exactly.
+/// The machine's place when it is opened, in millimetres: whole inches, which each firmware reports exactly.
 const START: [f64; 2] = [127.0, 76.2];
 const FIRMWARES: [Firmware; 3] = [Firmware::Grbl, Firmware::GrblInches, Firmware::Marlin];
-/// No call may take longer, however the machine behaves and however busy the system is.
+/// No call may take longer, however the machine behaves, in simulated time.
 const LONGEST_CALL: Duration = Duration::from_secs(5);
 
 /// Limits with this patience for silence.
@@ -43,7 +48,7 @@ fn limits(milliseconds: u64) -> Limits {
     }
 }
 
-/// What the machine says when an answer is due.
+/// The words of the machine when an answer is due.
 #[derive(Clone, Debug)]
 enum Saying {
     /// The answer.
@@ -68,31 +73,33 @@ enum Saying {
     End(usize),
 }
 
-/// A machine with a port in memory.
+/// A machine with a port in memory, in simulated time.
 struct LyingMachine {
     firmware: Firmware,
     truth: InstantMachine,
-    /// What it says, one for each answer. Then it tells the truth.
+    /// Its words, one for each answer. Then it tells the truth.
     sayings: vec::IntoIter<Saying>,
     has_lied: bool,
-    /// What it said and nobody has read yet, and what follows without end.
+    /// Bytes that it said and nobody has read yet, and those that follow without end.
     said: VecDeque<u8>,
     flood: &'static str,
-    /// How many bytes a read brings at most.
+    /// The most bytes that a read brings.
     chunk: usize,
-    /// How many bytes were read, and how many more are read before the port is unplugged.
+    /// Numbers of bytes that were read, and that will be read before the port is unplugged.
     read: usize,
     remaining: usize,
     /// The value of `read` when the greeting of a restart has been read.
     restarted: Option<usize>,
     heard: Vec<u8>,
-    /// When the current call of the driver began.
+    clock: Arc<SimulatedClock>,
+    /// The time at which the current call of the driver began.
     call: Instant,
 }
 
 impl LyingMachine {
     /// A machine that says these things, one for each answer, and is unplugged after so many bytes.
     fn new(firmware: Firmware, sayings: Vec<Saying>, chunk: usize, remaining: usize) -> LyingMachine {
+        let clock = Arc::new(SimulatedClock::default());
         LyingMachine {
             firmware,
             truth: InstantMachine::new(firmware, START),
@@ -105,7 +112,8 @@ impl LyingMachine {
             remaining,
             restarted: None,
             heard: Vec::new(),
-            call: Instant::now(),
+            call: clock.now(),
+            clock,
         }
     }
 
@@ -164,10 +172,14 @@ impl Port {
         self.0.lock().expect("the machine")
     }
 
-    /// What the machine was told since the last call of this: lines, and the single bytes `?`, `!` and `^X`.
+    fn clock(&self) -> Arc<SimulatedClock> {
+        self.machine().clock.clone()
+    }
+
+    /// The orders that the machine was told since the last call of this: lines, and the single bytes `?`, `!` and `^X`.
     fn told(&self) -> Vec<String> {
         let mut machine = self.machine();
-        machine.call = Instant::now();
+        machine.call = machine.clock.now();
         let (mut told, mut line) = (Vec::new(), Vec::new());
         for byte in machine.heard.drain(..) {
             match byte {
@@ -184,13 +196,13 @@ impl Port {
 
 impl Read for Port {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        // A stage that a failed test drops must not wait.
-        if thread::panicking() {
+        let mut machine = self.machine();
+        let clock = machine.clock.clone();
+        // A stage that a failed test drops is unplugged.
+        assert!(std::thread::panicking() || clock.now() - machine.call < LONGEST_CALL, "a call does not return");
+        if std::thread::panicking() {
             return Ok(0);
         }
-        let call = self.machine().call;
-        assert!(call.elapsed() < LONGEST_CALL, "a call does not return");
-        let mut machine = self.machine();
         if machine.said.is_empty() {
             let flood = machine.flood;
             machine.said.extend(flood.as_bytes());
@@ -200,13 +212,13 @@ impl Read for Port {
         }
         let count = machine.chunk.min(buffer.len()).min(machine.said.len()).min(machine.remaining);
         if count == 0 {
-            drop(machine);
-            thread::sleep(Duration::from_millis(5));
+            clock.sleep(Duration::from_millis(5));
             return Err(ErrorKind::TimedOut.into());
         }
         buffer.iter_mut().zip(machine.said.drain(..count)).for_each(|(to, from)| *to = from);
         machine.read += count;
         machine.remaining -= count;
+        clock.sleep(BYTE * count as u32);
         Ok(count)
     }
 }
@@ -253,19 +265,19 @@ fn target(line: &str) -> Option<([f64; 2], bool)> {
 struct Conversation {
     port: Port,
     stage: AnyStage,
-    /// Where the machine may have said that it is when it was opened, in millimetres, as far as moves agree with it.
+    /// Places where the machine may have said that it is when it was opened, in millimetres, as far as moves agree with it.
     starts: Vec<[f64; 2]>,
-    /// Whether the stage has read that the machine restarted.
+    /// True if the stage has read that the machine restarted.
     has_restarted: bool,
     outcome: Outcome,
 }
 
-/// How a conversation went.
+/// The outcome of a conversation.
 #[derive(Clone, Copy, Debug, Default)]
 struct Outcome {
     is_open: bool,
     moves: usize,
-    /// How many bytes were read until the stage was open, and in all.
+    /// Numbers of bytes that were read until the stage was open, and in all.
     read_at_first: usize,
     read: usize,
 }
@@ -273,9 +285,9 @@ struct Outcome {
 impl Conversation {
     /// Connects to a machine that says these things. `None` if that fails.
     fn open(machine: LyingMachine, limits: &Limits) -> Result<Option<Conversation>, TestCaseError> {
-        let sayings = machine.sayings.as_slice().to_vec();
+        let (sayings, clock) = (machine.sayings.as_slice().to_vec(), machine.clock.clone());
         let port = Port(Arc::new(Mutex::new(machine)));
-        let stage = gcode::connect(port.clone(), "port", limits);
+        let stage = gcode::connect_with_clock(port.clone(), "port", limits, clock);
         check_lines(&port.told(), &["", "?", "M115", "$$", "M400", "M114"])?;
         let Ok(stage) = stage else { return Ok(None) };
         let mut machine = port.machine();
@@ -297,7 +309,7 @@ impl Conversation {
             Order::Position => self.stage.position().map(drop),
             Order::Stop => self.stage.stop(),
             Order::Wait(milliseconds) => {
-                thread::sleep(Duration::from_millis(*milliseconds));
+                self.port.clock().sleep(Duration::from_millis(*milliseconds));
                 Ok(())
             }
         };
@@ -399,11 +411,6 @@ fn saying() -> impl Strategy<Value = Saying> {
     ]
 }
 
-/// Many threads, since conversations mostly wait.
-fn pool() -> rayon::ThreadPool {
-    rayon::ThreadPoolBuilder::new().num_threads(64).build().expect("threads")
-}
-
 #[test]
 fn whatever_the_machine_says_it_goes_where_it_is_sent() {
     const RUNNERS: usize = 64;
@@ -417,7 +424,7 @@ fn whatever_the_machine_says_it_goes_where_it_is_sent() {
         vec(order(), 1..25),
     );
     let config = ProptestConfig { failure_persistence: None, max_shrink_time: 10_000, ..ProptestConfig::with_cases(CASES) };
-    // How many connections were opened and moves told, for each firmware.
+    // Numbers of opened connections and told moves, for each firmware.
     let tallies = Mutex::new([[0; 2]; 3]);
     let run = |_| {
         TestRunner::new(config.clone()).run(&conversation, |(firmware, honest, sayings, chunk, orders)| {
@@ -429,9 +436,7 @@ fn whatever_the_machine_says_it_goes_where_it_is_sent() {
             Ok(())
         })
     };
-    pool()
-        .install(|| (0..RUNNERS).into_par_iter().map(run).collect::<Result<(), _>>())
-        .unwrap_or_else(|error| panic!("{error:?}"));
+    (0..RUNNERS).into_par_iter().map(run).collect::<Result<(), _>>().unwrap_or_else(|error| panic!("{error:?}"));
     let tallies = tallies.into_inner().expect("tallies");
     assert!(tallies.iter().all(|[opened, moves]| *opened > 20 && *moves > 10), "{tallies:?}");
 }
@@ -449,16 +454,14 @@ fn two_moves(machine: LyingMachine) -> Result<Outcome, TestCaseError> {
 /// The port is unplugged after each byte that the machine says. A move that was asked for is told at most once.
 #[test]
 fn the_port_may_end_at_every_byte() {
-    let pool = pool();
     for firmware in FIRMWARES {
         let unplugged_after = |count| two_moves(LyingMachine::new(firmware, vec![], 64, count));
         let whole = unplugged_after(usize::MAX).unwrap();
         assert!(whole.is_open && whole.moves == 2, "{firmware:?}: {whole:?}");
         let Outcome { read_at_first, read, .. } = whole;
-        let outcomes: Vec<_> = pool.install(|| {
-            let lengths = (0..=read).into_par_iter();
-            lengths.map(|count| unplugged_after(count).unwrap_or_else(|error| panic!("after {count} bytes: {error}"))).collect()
-        });
+        let lengths = (0..=read).into_par_iter();
+        let outcomes: Vec<_> =
+            lengths.map(|count| unplugged_after(count).unwrap_or_else(|error| panic!("after {count} bytes: {error}"))).collect();
         let opened = outcomes.iter().filter(|outcome| outcome.is_open).count();
         assert!(opened > read / 4 && opened <= read - read_at_first + 1, "{firmware:?}: {opened} opened, {whole:?}");
         let moves = [0, 1, 2].map(|moves| outcomes.iter().filter(|outcome| outcome.moves == moves).count());
@@ -472,14 +475,12 @@ fn a_restart_ends_all_moves() {
     const ANSWERS: usize = 25;
     let restarts = FIRMWARES.into_iter().flat_map(|firmware| ["", "X:1"].map(|broken| (firmware, broken)));
     let cases: Vec<_> = restarts.flat_map(|(firmware, broken)| (0..ANSWERS).map(move |at| (firmware, broken, at))).collect();
-    let moves = pool().install(|| {
-        let moves = cases.into_par_iter().map(|(firmware, broken, at)| {
-            let sayings = vec![Saying::Truth; at].into_iter().chain([Saying::Restart(broken)]).collect();
-            let outcome = two_moves(LyingMachine::new(firmware, sayings, 64, usize::MAX));
-            outcome.unwrap_or_else(|error| panic!("{firmware:?}, {at} answers, {broken:?}: {error}")).moves
-        });
-        moves.collect::<Vec<_>>()
+    let moves = cases.into_par_iter().map(|(firmware, broken, at)| {
+        let sayings = vec![Saying::Truth; at].into_iter().chain([Saying::Restart(broken)]).collect();
+        let outcome = two_moves(LyingMachine::new(firmware, sayings, 64, usize::MAX));
+        outcome.unwrap_or_else(|error| panic!("{firmware:?}, {at} answers, {broken:?}: {error}")).moves
     });
+    let moves: Vec<_> = moves.collect();
     // Of each kind, some restart too early, some in between, and some too late to prevent a move.
     assert!(moves.chunks(ANSWERS).all(|moves| [0, 1, 2].iter().all(|count| moves.contains(count))), "{moves:?}");
 }

@@ -1,4 +1,4 @@
-//! What is asked of a stage that talks to a liar.
+//! Orders to a stage that talks to a liar.
 
 use multiscopic_core::capture::Position;
 use proptest::prelude::*;

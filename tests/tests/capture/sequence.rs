@@ -8,7 +8,7 @@ use multiscopic_tests::test_images::case::property;
 use proptest::prelude::*;
 use std::{cell::Cell, rc::Rc, time::Duration};
 
-/// How often the sequence is polled.
+/// The interval at which the sequence is polled.
 const TICK: Duration = Duration::from_millis(10);
 const BASELINE_UM: u32 = 20_000;
 /// The backlash of the stage's screws, to each side.
@@ -74,7 +74,7 @@ struct Slide {
     updated: Duration,
     moves: usize,
     stopped: bool,
-    /// How far the stage was bumped.
+    /// The distance by which the stage was bumped.
     bump: Rc<Cell<f64>>,
     /// When the camera came to rest.
     still_since: Rc<Cell<Duration>>,

@@ -19,17 +19,13 @@
 //! # Ok::<(), multiscopic::capture::camera::CameraError>(())
 //! ```
 
-mod format;
-mod info;
 mod settings;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
 mod unsupported;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod v4l2;
 
-pub use format::PixelFormat;
-pub use info::{CameraInfo, FormatInfo, FrameSizes};
-pub use settings::CameraSettings;
+pub use settings::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat};
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
 pub use unsupported::{CameraError, V4l2Camera, list};
 #[cfg(all(target_os = "linux", feature = "v4l2"))]

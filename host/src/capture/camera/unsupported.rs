@@ -1,10 +1,10 @@
-//! What stands for real cameras in builds without them.
+//! Stand-ins for real cameras in builds without them.
 
 use std::{convert::Infallible, fmt, path::Path, sync::atomic::AtomicBool, time::Duration};
 
 use image::GrayImage;
 
-use super::{info::CameraInfo, settings::CameraSettings};
+use super::settings::{CameraInfo, CameraSettings};
 use crate::{
     capture::threaded_camera::BlockingCamera,
     error::{Error, Result},

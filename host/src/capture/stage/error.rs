@@ -1,12 +1,12 @@
-//! What can go wrong with a stage.
+//! Errors of stages.
 
 use std::{io, ops::RangeInclusive, time::Duration};
 
 use multiscopic_core::capture::Position;
 
-use super::safety_mode::SafetyMode;
+use super::arm_modes::SafetyMode;
 
-/// What went wrong with a stage, and what to do.
+/// An error of a stage, with the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StageError {
@@ -15,7 +15,7 @@ pub enum StageError {
     Spec {
         /// The text.
         text: String,
-        /// What is wrong with it.
+        /// The mistake in it.
         problem: &'static str,
     },
     /// A limit is out of range.
@@ -46,7 +46,7 @@ pub enum StageError {
         to: String,
         /// The error of the system.
         source: io::Error,
-        /// What to do.
+        /// The remedy.
         advice: &'static str,
     },
     /// A connection broke.
@@ -56,7 +56,7 @@ pub enum StageError {
         from: String,
         /// The error of the system.
         source: io::Error,
-        /// What to do.
+        /// The remedy.
         advice: &'static str,
     },
     /// A stage did not answer, or stopped sending.
@@ -64,7 +64,7 @@ pub enum StageError {
     Silent {
         /// The stage.
         from: String,
-        /// How long it was waited for.
+        /// The time for which it was waited for.
         after: Duration,
     },
     /// The other end does not speak the expected protocol.
@@ -72,9 +72,9 @@ pub enum StageError {
     Protocol {
         /// The other end.
         from: String,
-        /// What it sent.
+        /// The words that it sent.
         found: String,
-        /// What it should have sent.
+        /// The words that it should have sent.
         expected: String,
     },
     /// A safety function stopped the arm.
@@ -85,7 +85,7 @@ pub enum StageError {
     NotReady {
         /// The state.
         found: String,
-        /// What to do.
+        /// The remedy.
         advice: &'static str,
     },
     /// The arm does not execute what it is sent.

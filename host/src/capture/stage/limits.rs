@@ -1,17 +1,20 @@
-//! How far and how fast a stage may go, and how long to wait for it.
+//! The limits of a stage: reach, speed and waiting times, and detecting moves that make no progress.
 
-use std::{ops::RangeInclusive, time::Duration};
+use std::{
+    ops::RangeInclusive,
+    time::{Duration, Instant},
+};
 
 use multiscopic_core::capture::Position;
 
 use super::error::StageError;
 
-/// How far and how fast a stage may go, and how long to wait for it.
+/// The limits of a stage: reach, speed and waiting times.
 ///
 /// The defaults are slow on purpose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// How far the stage may go from where it was opened, in micrometres: 1 to 1 000 000, by default 100 000.
+    /// The largest distance from where the stage was opened, in micrometres: 1 to 1 000 000, by default 100 000.
     /// A position beyond that is refused before anything moves.
     pub reach_um: u32,
     /// Speed in millimetres per second: above 0 and at most 250, the limit for robots next to people. By
@@ -20,12 +23,12 @@ pub struct Limits {
     /// Acceleration in millimetres per second squared: above 0 and at most 1200, by default 100. G-code
     /// machines ignore it: they have their own.
     pub acceleration_mm_s2: f64,
-    /// How long a stage may take to answer for the first time. By default 10 s, because some boards boot when
+    /// The time that a stage may take to answer for the first time. By default 10 s, because some boards boot when
     /// their port is opened.
     pub connect_timeout: Duration,
-    /// How long a stage may take to answer, or to send its next report. By default 3 s.
+    /// The time that a stage may take to answer, or to send its next report. By default 3 s.
     pub silence_timeout: Duration,
-    /// How long a stage may make no progress towards its target. By default 5 s.
+    /// The time for which a stage may make no progress towards its target. By default 5 s.
     pub stall_timeout: Duration,
 }
 
@@ -48,7 +51,7 @@ impl Limits {
     const SPEED_MM_S: RangeInclusive<f64> = 1e-3..=250.0;
     const ACCELERATION_MM_S2: RangeInclusive<f64> = 1e-3..=1200.0;
 
-    /// How long a move of `distance_mm` takes from rest to rest, at this acceleration and speed.
+    /// The time that a move of `distance_mm` takes from rest to rest, at this acceleration and speed.
     pub fn travel_time(&self, distance_mm: f64) -> Duration {
         let Limits { speed_mm_s: speed, acceleration_mm_s2: acceleration, .. } = *self;
         let seconds = match distance_mm * acceleration < speed.powi(2) {
@@ -75,6 +78,32 @@ impl Limits {
             true => Ok(()),
             false => Err(StageError::OutOfReach { position, reach_um: self.reach_um }),
         }
+    }
+}
+
+/// Measures how long a stage has come no nearer to its target.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StallTimer {
+    /// The shortest distance to the target so far.
+    nearest: f64,
+    /// When it was reached.
+    since: Instant,
+    /// The least approach that counts as progress.
+    min_step: f64,
+}
+
+impl StallTimer {
+    /// Starts at time `now`, at a distance from the target. All distances are in one unit, the caller's.
+    pub(super) fn start(distance: f64, min_step: f64, now: Instant) -> StallTimer {
+        StallTimer { nearest: distance, since: now, min_step }
+    }
+
+    /// Takes the distance at time `at`, and returns how long there has been no progress.
+    pub(super) fn update(&mut self, distance: f64, at: Instant) -> Duration {
+        if distance < self.nearest - self.min_step {
+            (self.nearest, self.since) = (distance, at);
+        }
+        at.saturating_duration_since(self.since)
     }
 }
 
@@ -114,5 +143,15 @@ mod tests {
         });
         assert_eq!(wrong, [true; 5]);
         assert!(Limits { reach_um: 0, ..Limits::default() }.check().is_err());
+    }
+
+    #[test]
+    fn only_progress_resets_the_timer() {
+        let mut timer = StallTimer::start(10.0, 0.5, Instant::now());
+        let seconds = |number| timer.since + Duration::from_secs(number);
+        let [at_1, at_3, at_4] = [1, 3, 4].map(seconds);
+        assert_eq!(timer.update(9.6, at_1), Duration::from_secs(1));
+        assert_eq!(timer.update(9.4, at_3), Duration::ZERO);
+        assert_eq!(timer.update(12.0, at_4), Duration::from_secs(1));
     }
 }

@@ -21,9 +21,9 @@ pub struct ManualStage<W> {
     answers: Answers,
     prompts: W,
     limits: Limits,
-    /// Where the camera is, if that is known.
+    /// The camera's position, if it is known.
     current: Option<Position>,
-    /// Where the person was asked to put it.
+    /// The position that the person was asked to put it at.
     target: Option<Position>,
 }
 
@@ -116,7 +116,7 @@ fn displacement(from: Position, to: Position) -> String {
 #[derive(Clone)]
 struct Answers {
     lines: Arc<Mutex<Receiver<io::Result<String>>>>,
-    /// Whether a person types the lines. Then a line typed before a prompt is not an answer to it; from a
+    /// True if a person types the lines. Then a line typed before a prompt is not an answer to it; from a
     /// pipe or file it is.
     is_typed: bool,
 }
@@ -166,7 +166,7 @@ mod tests {
     fn wait_for_arrival(stage: &mut impl Stage<Error = StageError>) -> Result<(), StageError> {
         let start = Instant::now();
         while !stage.has_arrived()? {
-            assert!(start.elapsed() < Duration::from_secs(5), "no answer arrived");
+            assert!(start.elapsed() < Duration::from_secs(60), "no answer arrived");
             thread::sleep(Duration::from_millis(1));
         }
         Ok(())

@@ -15,27 +15,24 @@
 //! A stage's [centre](multiscopic_core::capture::Position::CENTER) is where it is when it is opened. All
 //! positions are relative to it.
 
-mod any_stage;
+mod adapters;
+mod arm_modes;
 mod error;
 pub mod gcode;
 mod limits;
 mod manual;
 pub mod robot_arm;
-mod safety_mode;
 mod simulated;
 mod spec;
-mod stall_timer;
-mod turned;
 
-pub use any_stage::AnyStage;
+pub use adapters::{AnyStage, TurnedStage};
+pub use arm_modes::SafetyMode;
 pub use error::StageError;
 pub use limits::Limits;
 pub use manual::ManualStage;
 pub use robot_arm::{Arm, ArmAddress};
-pub use safety_mode::SafetyMode;
 pub use simulated::{SimulatedPlace, SimulatedStage, StageImperfections, StagePose};
 pub use spec::StageSpec;
-pub use turned::TurnedStage;
 
 /// Opens the stage that `spec` names.
 ///

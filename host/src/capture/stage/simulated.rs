@@ -10,16 +10,18 @@ use multiscopic_core::capture::{Position, Stage};
 use serde::Deserialize;
 
 use super::{error::StageError, limits::Limits};
+use crate::capture::clock::{Clock, SystemClock};
 
 /// A stage without hardware, which takes the time that a real one would, and makes the errors that it is told to.
 #[derive(Debug)]
 pub struct SimulatedStage {
+    clock: Arc<dyn Clock>,
     limits: Limits,
     errors: StageImperfections,
     place: SimulatedPlace,
-    /// Where the drives have taken it, in millimetres.
+    /// The place to which the drives have taken it, in millimetres.
     driven: [f64; 2],
-    /// Where the carriage is between the ends of its play, in millimetres.
+    /// The place of the carriage between the ends of its play, in millimetres.
     carried: [f64; 2],
     from: [f64; 2],
     target: Position,
@@ -27,17 +29,17 @@ pub struct SimulatedStage {
     /// The number of moves so far.
     moves: u32,
     random: Rng,
-    /// How far the current move misses its target, in millimetres, and how it turns the camera, in degrees.
+    /// The offset by which the current move misses its target, in millimetres, and its turn of the camera, in degrees.
     miss: ([f64; 2], [f64; 3]),
 }
 
-/// How a stage differs from a perfect one. Without any errors by default.
+/// The differences of a stage from a perfect one. By default there are none.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StageImperfections {
-    /// How far the stage moves to the right and down as a multiple of how far it is told to.
+    /// The lengths of moves to the right and down as multiples of those commanded.
     pub scale: [f64; 2],
-    /// How much the downward axis leans to the left, in degrees: positive turns it further away from the axis to the right.
+    /// The angle by which the downward axis leans to the left, in degrees: positive turns it further away from the axis to the right.
     pub skew_deg: f64,
     /// Play between drive and camera along each axis, in millimetres.
     pub backlash_mm: f64,
@@ -49,7 +51,7 @@ pub struct StageImperfections {
     pub stalls_at_move: Option<u32>,
 }
 
-/// How long a stage has to stand still before it counts as stuck.
+/// The time for which a stage must stand still to count as stuck.
 const STALL_TIME: Duration = Duration::from_millis(500);
 
 impl Default for StageImperfections {
@@ -65,11 +67,11 @@ impl Default for StageImperfections {
     }
 }
 
-/// Where a [`SimulatedStage`] has moved its camera. Clones are of the same place.
+/// The pose to which a [`SimulatedStage`] has moved its camera. Clones are of the same place.
 #[derive(Clone, Debug, Default)]
 pub struct SimulatedPlace(Arc<Mutex<StagePose>>);
 
-/// Where a stage has moved its camera, and how it has turned it.
+/// The place to which a stage has moved its camera, and the turn that it has given it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StagePose {
     /// Millimetres to the right of the centre and below it.
@@ -79,7 +81,7 @@ pub struct StagePose {
 }
 
 impl SimulatedPlace {
-    /// Where the camera is.
+    /// The place of the camera.
     pub fn get(&self) -> StagePose {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -95,8 +97,18 @@ impl SimulatedStage {
     /// # Errors
     /// The limits are out of range.
     pub fn new(limits: &Limits, errors: StageImperfections) -> Result<SimulatedStage, StageError> {
+        SimulatedStage::with_clock(limits, errors, Arc::new(SystemClock))
+    }
+
+    /// A stage at rest in the centre, which moves in the time of `clock`.
+    ///
+    /// # Errors
+    /// The limits are out of range.
+    pub fn with_clock(limits: &Limits, errors: StageImperfections, clock: Arc<dyn Clock>) -> Result<SimulatedStage, StageError> {
         limits.check()?;
+        let departure = clock.now();
         Ok(SimulatedStage {
+            clock,
             limits: *limits,
             errors,
             place: SimulatedPlace::default(),
@@ -104,29 +116,34 @@ impl SimulatedStage {
             carried: [0.0; 2],
             from: [0.0; 2],
             target: Position::CENTER,
-            departure: Instant::now(),
+            departure,
             moves: 0,
             random: Rng::with_seed(1),
             miss: ([0.0; 2], [0.0; 3]),
         })
     }
 
-    /// Where the camera is.
+    /// The place of the camera.
     pub fn place(&self) -> SimulatedPlace {
         self.place.clone()
     }
 
-    /// Moves the camera to where it is by now, and tells whether it has arrived.
+    /// Moves the camera to where it is by now. Returns true if it has arrived.
     fn update(&mut self) -> bool {
         let target = [self.target.x_um, self.target.y_um].map(|um| f64::from(um) / 1000.0);
         let way = [target[0] - self.from[0], target[1] - self.from[1]];
         let whole = self.limits.travel_time(way[0].hypot(way[1]));
         let share = match whole.is_zero() {
             true => 1.0,
-            false => (self.departure.elapsed().as_secs_f64() / whole.as_secs_f64()).min(if self.is_stuck() { 0.5 } else { 1.0 }),
+            false => (self.elapsed().as_secs_f64() / whole.as_secs_f64()).min(if self.is_stuck() { 0.5 } else { 1.0 }),
         };
         self.drive([self.from[0] + share * way[0], self.from[1] + share * way[1]]);
         share >= 1.0
+    }
+
+    /// The time since the current move began.
+    fn elapsed(&self) -> Duration {
+        self.clock.now() - self.departure
     }
 
     fn is_stuck(&self) -> bool {
@@ -145,7 +162,7 @@ impl SimulatedStage {
         self.place.set(StagePose { position_mm: [x - sin * y + miss_x, cos * y + miss_y], rotation_deg });
     }
 
-    /// Where the drives have taken it, in whole micrometres.
+    /// The place to which the drives have taken it, in whole micrometres.
     fn measured(&mut self) -> Position {
         self.update();
         let [x_um, y_um] = self.driven.map(|mm| (1000.0 * mm).round() as i32);
@@ -159,7 +176,7 @@ impl Stage for SimulatedStage {
     fn move_to(&mut self, position: Position) -> Result<(), StageError> {
         self.limits.check_reach(position)?;
         self.update();
-        (self.from, self.target, self.departure) = (self.driven, position, Instant::now());
+        (self.from, self.target, self.departure) = (self.driven, position, self.clock.now());
         self.moves += 1;
         let mut within = |most: f64| most * (2.0 * self.random.f64() - 1.0);
         let StageImperfections { repeatability_mm, rotation_deg, .. } = self.errors;
@@ -169,9 +186,9 @@ impl Stage for SimulatedStage {
 
     fn has_arrived(&mut self) -> Result<bool, StageError> {
         match self.update() {
-            false if self.is_stuck() && self.departure.elapsed() > STALL_TIME => {
+            false if self.is_stuck() && self.elapsed() > STALL_TIME => {
                 let distance_um = self.measured().distance_um(self.target);
-                Err(StageError::Stalled { distance_um, after: self.departure.elapsed() })
+                Err(StageError::Stalled { distance_um, after: self.elapsed() })
             }
             arrived => Ok(arrived),
         }
@@ -184,7 +201,7 @@ impl Stage for SimulatedStage {
     fn stop(&mut self) -> Result<(), StageError> {
         let here = self.measured();
         self.drive([here.x_um, here.y_um].map(|um| f64::from(um) / 1000.0));
-        (self.from, self.target, self.departure) = (self.driven, here, Instant::now());
+        (self.from, self.target, self.departure) = (self.driven, here, self.clock.now());
         Ok(())
     }
 }
@@ -192,35 +209,38 @@ impl Stage for SimulatedStage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
+    use crate::capture::clock::SteppedClock;
 
     #[test]
     fn takes_its_time_and_stops() {
         let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
-        let mut stage = SimulatedStage::new(&limits, StageImperfections::default()).unwrap();
+        let clock = SteppedClock::new();
+        let mut stage = SimulatedStage::with_clock(&limits, StageImperfections::default(), clock.clone()).unwrap();
         let place = stage.place();
         let right = Position { x_um: 10_000, y_um: 0 };
-        let start = Instant::now();
+        let start = clock.now();
         stage.move_to(right).unwrap();
         assert!(!stage.has_arrived().unwrap());
         while !stage.has_arrived().unwrap() {
-            std::thread::sleep(Duration::from_millis(1));
+            clock.sleep(Duration::from_millis(1));
         }
-        assert!(start.elapsed() >= limits.travel_time(10.0));
+        assert!(clock.now() - start >= limits.travel_time(10.0));
         assert_eq!((place.get().position_mm, stage.position().unwrap()), ([10.0, 0.0], Some(right)));
         stage.move_to(Position { x_um: 100_000, y_um: 0 }).unwrap();
         stage.stop().unwrap();
         assert!(stage.has_arrived().unwrap() && place.get().position_mm[0] < 100.0);
         assert!(stage.move_to(Position { x_um: 100_001, y_um: 0 }).unwrap_err().to_string().contains("beyond the reach"));
     }
-    /// Where a stage with errors takes the camera, move by move.
+
+    /// The poses to which a stage with errors takes the camera, move by move.
     fn places(errors: StageImperfections, moves: &[[i32; 2]]) -> Vec<StagePose> {
         let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
-        let mut stage = SimulatedStage::new(&limits, errors).unwrap();
+        let clock = SteppedClock::new();
+        let mut stage = SimulatedStage::with_clock(&limits, errors, clock.clone()).unwrap();
         let mut arrive = |&[x_um, y_um]: &[i32; 2]| {
             stage.move_to(Position { x_um, y_um }).unwrap();
             while !stage.has_arrived().unwrap() {
-                std::thread::sleep(Duration::from_millis(1));
+                clock.sleep(Duration::from_millis(1));
             }
             assert_eq!(stage.position().unwrap(), Some(Position { x_um, y_um }), "the drives do not notice");
             stage.place().get()

@@ -1,8 +1,8 @@
-//! How `--stage` names a stage.
+//! The names of stages for `--stage`.
 
 use std::{fmt, net::Ipv6Addr, str::FromStr};
 
-use super::{error::StageError, gcode::detection::BAUD, robot_arm::address::ArmAddress};
+use super::{error::StageError, gcode::BAUD, robot_arm::ArmAddress};
 
 /// A stage, as `--stage` names it.
 ///

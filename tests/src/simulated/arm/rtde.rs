@@ -1,12 +1,16 @@
 //! The arm's side of RTDE version 2, for one connection.
 
 use std::{
-    io::{self, ErrorKind, Read, Write},
-    net::TcpStream,
+    ops::ControlFlow,
+    sync::Arc,
     time::{Duration, Instant},
 };
 
-use super::{fault::Fault, variables, world::World};
+use super::{
+    variables,
+    world::{Fault, World},
+};
+use crate::simulated::network::Service;
 
 /// The controller's version: major, minor, bug fix, build.
 const CONTROLLER: [u32; 4] = [3, 15, 8, 106_339];
@@ -14,58 +18,61 @@ const CONTROLLER: [u32; 4] = [3, 15, 8, 106_339];
 /// The controller's highest rate of data packages, in hertz.
 const MOST_HZ: f64 = 125.0;
 
-/// Serves a client until it disconnects.
-pub fn serve(mut stream: TcpStream, world: &World) -> io::Result<()> {
-    stream.set_nodelay(true)?;
-    let mut client = Client { outputs: Vec::new(), inputs: 0, period: Duration::from_secs_f64(1.0 / MOST_HZ), next: None };
-    let mut bytes = Vec::new();
-    loop {
-        if world.now().is_switched_off {
-            return Ok(());
-        }
-        let tick = client.next.unwrap_or_else(|| Instant::now() + client.period);
-        let left = tick.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
-        stream.set_read_timeout(Some(left))?;
-        let mut chunk = [0; 4096];
-        match stream.read(&mut chunk) {
-            Ok(0) => return Ok(()),
-            Ok(length) => bytes.extend_from_slice(&chunk[..length]),
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
-            Err(error) => return Err(error),
-        }
-        let is_silent = world.now().fault == Fault::Silent;
-        while bytes.len() >= 3 {
-            let length = usize::from(u16::from_be_bytes([bytes[0], bytes[1]]));
-            if length < 3 || bytes.len() < length {
-                break;
-            }
-            let package: Vec<u8> = bytes.drain(..length).collect();
-            let answer = client.answer(package[2], &package[3..]);
-            if !is_silent {
-                stream.write_all(&answer)?;
-            }
-        }
-        if client.next.is_some_and(|next| next <= Instant::now()) {
-            client.next = Some(Instant::now().max(tick + client.period));
-            if !is_silent {
-                stream.write_all(&client.data(world))?;
-            }
-        }
-    }
-}
-
-struct Client {
+/// The service for one client.
+pub struct Rtde {
+    world: Arc<World>,
+    /// Received bytes that are not yet a whole package.
+    bytes: Vec<u8>,
     /// The variables and types of each output recipe. Recipe numbers begin at 1.
     outputs: Vec<Vec<(String, &'static str)>>,
     /// The number of input recipes.
     inputs: u8,
     period: Duration,
-    /// When the next data package is due, once the client has started the stream.
+    /// The time of the next data package, once the client has started the stream.
     next: Option<Instant>,
 }
 
-impl Client {
-    fn answer(&mut self, kind: u8, payload: &[u8]) -> Vec<u8> {
+impl Service for Rtde {
+    fn serve(&mut self, arrived: &[u8], now: Instant, answer: &mut Vec<u8>) -> ControlFlow<()> {
+        let (is_silent, is_off) = {
+            let arm = self.world.now();
+            (arm.fault == Fault::Silent, arm.is_switched_off)
+        };
+        if is_off {
+            return ControlFlow::Break(());
+        }
+        self.bytes.extend_from_slice(arrived);
+        let mut sent = Vec::new();
+        while self.bytes.len() >= 3 {
+            let length = usize::from(u16::from_be_bytes([self.bytes[0], self.bytes[1]]));
+            if length < 3 || self.bytes.len() < length {
+                break;
+            }
+            let package: Vec<u8> = self.bytes.drain(..length).collect();
+            sent.extend(self.answer(package[2], &package[3..], now));
+        }
+        if let Some(tick) = self.next.filter(|next| *next <= now) {
+            self.next = Some(now.max(tick + self.period));
+            sent.extend(self.data());
+        }
+        if !is_silent {
+            answer.extend(sent);
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn due(&self) -> Option<Instant> {
+        self.next
+    }
+}
+
+impl Rtde {
+    pub fn new(world: Arc<World>) -> Rtde {
+        let period = Duration::from_secs_f64(1.0 / MOST_HZ);
+        Rtde { world, bytes: Vec::new(), outputs: Vec::new(), inputs: 0, period, next: None }
+    }
+
+    fn answer(&mut self, kind: u8, payload: &[u8], now: Instant) -> Vec<u8> {
         match kind {
             b'V' => package(kind, &[u8::from(payload == [0, 2])]),
             b'v' => package(kind, &CONTROLLER.map(u32::to_be_bytes).concat()),
@@ -95,7 +102,7 @@ impl Client {
             }
             b'S' => {
                 let can_start = !self.outputs.is_empty();
-                self.next = can_start.then(Instant::now);
+                self.next = can_start.then_some(now);
                 [text("This arm is simulated"), package(kind, &[u8::from(can_start)])].concat()
             }
             b'P' => {
@@ -108,8 +115,8 @@ impl Client {
     }
 
     /// A data package of each recipe.
-    fn data(&self, world: &World) -> Vec<u8> {
-        let state = world.now();
+    fn data(&self) -> Vec<u8> {
+        let state = self.world.now();
         let value = |(name, kind): &(String, &str)| state.value(name).unwrap_or_else(|| vec![0; variables::bytes(kind)]);
         let recipes = self
             .outputs

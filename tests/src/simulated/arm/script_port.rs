@@ -1,43 +1,57 @@
-//! The arm's side of the secondary client interface, for one connection.
+//! The secondary client interface, for one connection: it takes scripts.
 
 use std::{
-    io::{self, ErrorKind, Read, Write},
-    net::TcpStream,
+    ops::ControlFlow,
+    sync::Arc,
     time::{Duration, Instant},
 };
 
-use super::{fault::Fault, world::World};
+use super::world::{Fault, World};
+use crate::simulated::network::Service;
 
-/// The interval at which the state is sent.
+/// The interval of state messages.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// Serves a client until it disconnects: executes lines of script and sends the state.
-pub fn serve(mut stream: TcpStream, world: &World) -> io::Result<()> {
-    stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(Duration::from_millis(5)))?;
-    let (mut script, mut next) = (Vec::new(), Instant::now());
-    stream.write_all(&version())?;
-    loop {
-        if next <= Instant::now() {
-            next += PERIOD;
-            stream.write_all(&state(world))?;
+/// The service for one client.
+pub struct Scripts {
+    world: Arc<World>,
+    /// Received bytes that are not yet a whole line.
+    bytes: Vec<u8>,
+    /// The time of the next state message. `None` before the version message.
+    next: Option<Instant>,
+}
+
+impl Scripts {
+    pub fn new(world: Arc<World>) -> Scripts {
+        Scripts { world, bytes: Vec::new(), next: None }
+    }
+}
+
+impl Service for Scripts {
+    fn serve(&mut self, arrived: &[u8], now: Instant, answer: &mut Vec<u8>) -> ControlFlow<()> {
+        let next = *self.next.get_or_insert_with(|| {
+            answer.extend(version());
+            now
+        });
+        if next <= now {
+            self.next = Some(next + PERIOD);
+            answer.extend(state_of(&self.world));
         }
-        let mut chunk = [0; 4096];
-        match stream.read(&mut chunk) {
-            Ok(0) => return Ok(()),
-            Ok(length) => script.extend_from_slice(&chunk[..length]),
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
-            Err(error) => return Err(error),
-        }
-        let mut arm = world.now();
+        self.bytes.extend_from_slice(arrived);
+        let mut arm = self.world.now();
         // An arm in local control accepts no scripts.
         if arm.is_switched_off || arm.fault == Fault::LocalControl {
-            return Ok(());
+            return ControlFlow::Break(());
         }
-        while let Some(end) = script.iter().position(|byte| *byte == b'\n') {
-            let line: Vec<u8> = script.drain(..=end).collect();
+        while let Some(end) = self.bytes.iter().position(|byte| *byte == b'\n') {
+            let line: Vec<u8> = self.bytes.drain(..=end).collect();
             arm.obey(String::from_utf8_lossy(&line).trim());
         }
+        ControlFlow::Continue(())
+    }
+
+    fn due(&self) -> Option<Instant> {
+        self.next
     }
 }
 
@@ -54,7 +68,7 @@ fn version() -> Vec<u8> {
 }
 
 /// The state message, with only the tool's pose and offset.
-fn state(world: &World) -> Vec<u8> {
+fn state_of(world: &World) -> Vec<u8> {
     let (pose, offset) = (world.now().pose, [0.0; 6]);
     let numbers = pose.into_iter().chain(offset).flat_map(f64::to_be_bytes).collect::<Vec<u8>>();
     message(16, &message(4, &numbers))

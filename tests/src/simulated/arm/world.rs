@@ -2,11 +2,13 @@
 
 use std::{
     net::TcpStream,
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Instant,
 };
 
-use super::{fault::Fault, order::Heard, script::Command};
+use multiscopic::capture::Clock;
+
+use super::script::Command;
 use crate::simulated::{motion::Motion, pose::Pose};
 
 /// `safety_mode`: normal.
@@ -16,12 +18,53 @@ const PROTECTIVE_STOP: i32 = 3;
 /// `robot_mode`: running, brakes released.
 const RUNNING: i32 = 7;
 
+/// A fault of the arm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Fault {
+    /// Nothing.
+    #[default]
+    None,
+    /// Each move ends in a protective stop.
+    ProtectiveStop {
+        /// The distance after which it happens.
+        after_m: f64,
+    },
+    /// Its speed is scaled to 0.
+    Stuck,
+    /// It receives orders but does nothing.
+    Ignoring,
+    /// It is in local control and closes connections for orders.
+    LocalControl,
+    /// It sends nothing over RTDE.
+    Silent,
+    /// It reports a pose of NaN.
+    Nonsense,
+    /// Another device is connected: both ports answer in another protocol.
+    OtherProtocol,
+}
+
+/// An order that the arm received.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Heard {
+    /// To move to a pose.
+    Move(Pose),
+    /// To stop.
+    Stop,
+    /// A line that is not a known script command.
+    Nonsense(String),
+}
+
 /// The state that all connections share.
-pub struct World(Mutex<State>);
+pub struct World {
+    state: Mutex<State>,
+    clock: Arc<dyn Clock>,
+}
 
 /// The state at one time.
 pub struct State {
     pub begin: Instant,
+    /// The time of this state.
+    pub now: Instant,
     pub pose: Pose,
     pub motion: Option<Motion>,
     pub robot_mode: i32,
@@ -30,12 +73,16 @@ pub struct State {
     pub heard: Vec<Heard>,
     pub connections: Vec<TcpStream>,
     pub is_switched_off: bool,
+    /// The distance in metres after which time stands still for a motion.
+    pub freezes_after_m: f64,
 }
 
 impl World {
-    pub fn new(pose: Pose) -> World {
-        World(Mutex::new(State {
-            begin: Instant::now(),
+    pub fn new(pose: Pose, clock: Arc<dyn Clock>) -> World {
+        let now = clock.now();
+        let state = State {
+            begin: now,
+            now,
             pose,
             motion: None,
             robot_mode: RUNNING,
@@ -44,21 +91,26 @@ impl World {
             heard: Vec::new(),
             connections: Vec::new(),
             is_switched_off: false,
-        }))
+            freezes_after_m: f64::INFINITY,
+        };
+        World { state: Mutex::new(state), clock }
     }
 
     /// The current state, with the motion advanced to now.
     pub fn now(&self) -> MutexGuard<'_, State> {
-        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        state.advance();
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        // Another thread may have asked for the time before this one.
+        let now = self.clock.now().max(state.now);
+        state.advance(now);
         state
     }
 }
 
 impl State {
-    fn advance(&mut self) {
+    fn advance(&mut self, now: Instant) {
+        self.now = now;
         let Some(motion) = &mut self.motion else { return };
-        motion.advance(if self.fault == Fault::Stuck { 0.0 } else { 1.0 });
+        motion.advance(now, if self.fault == Fault::Stuck { 0.0 } else { 1.0 }, self.freezes_after_m);
         if matches!(self.fault, Fault::ProtectiveStop { after_m } if motion.gone() >= after_m) {
             motion.halt();
             self.safety_mode = PROTECTIVE_STOP;
@@ -83,7 +135,7 @@ impl State {
             Some(Command::Move { target, acceleration, speed }) => {
                 self.heard.push(Heard::Move(target));
                 if may_move {
-                    self.motion = Some(Motion::new(self.pose, target, speed, acceleration));
+                    self.motion = Some(Motion::new(self.pose, target, speed, acceleration, self.now));
                 }
             }
         }
@@ -99,7 +151,7 @@ impl State {
         let vector = |numbers: [f64; 6]| numbers.map(f64::to_be_bytes).concat();
         let velocity = self.motion.as_ref().map_or([0.0; 6], Motion::velocity);
         Some(match name {
-            "timestamp" => self.begin.elapsed().as_secs_f64().to_be_bytes().to_vec(),
+            "timestamp" => (self.now - self.begin).as_secs_f64().to_be_bytes().to_vec(),
             "actual_TCP_pose" if self.fault == Fault::Nonsense => vector([f64::NAN; 6]),
             "actual_TCP_pose" | "target_TCP_pose" => vector(self.pose),
             "actual_TCP_speed" | "target_TCP_speed" => vector(velocity),

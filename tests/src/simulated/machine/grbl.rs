@@ -1,17 +1,13 @@
 //! The part of Grbl 1.1 that moves a machine, after its documentation.
 
-use super::{
-    fault::Fault,
-    mechanics::{ACCELERATION, Control, Machine},
-    words::{value, words},
-};
+use super::mechanics::{ACCELERATION, Control, Fault, Machine, value, words};
 
 /// The offset from machine to work coordinates in millimetres, as if G54 had been set.
 const OFFSET: [f64; 2] = [-100.0, 40.0];
 
 pub struct Grbl {
     line: Vec<u8>,
-    /// Whether it reports work coordinates in inches.
+    /// True if it reports work coordinates in inches.
     is_inches: bool,
     is_absolute: bool,
     is_held: bool,

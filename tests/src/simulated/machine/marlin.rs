@@ -6,11 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{
-    fault::Fault,
-    mechanics::{Control, Machine},
-    words::{value, words},
-};
+use super::mechanics::{Control, Fault, Machine, value, words};
 
 /// The interval of `busy` messages. Marlin's is longer.
 const BUSY: Duration = Duration::from_millis(200);
@@ -20,7 +16,7 @@ pub struct Marlin {
     line: Vec<u8>,
     queue: VecDeque<String>,
     is_relative: bool,
-    /// When it last reported that it is busy, while it waits for a motion to end.
+    /// The time at which it last reported that it is busy, while it waits for a motion to end.
     busy: Option<Instant>,
     is_halted: bool,
 }
@@ -86,8 +82,8 @@ impl Control for Marlin {
         }
         while let Some(line) = self.queue.front().filter(|_| !machine.is_locked).cloned() {
             if line == "M400" && machine.motion.is_some() {
-                if self.busy.is_none_or(|time| time.elapsed() >= BUSY) {
-                    self.busy = Some(Instant::now());
+                if self.busy.is_none_or(|time| machine.now - time >= BUSY) {
+                    self.busy = Some(machine.now);
                     said += "echo:busy: processing\n";
                 }
                 break;

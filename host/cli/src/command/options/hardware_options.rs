@@ -149,6 +149,10 @@ pub struct LimitsOptions {
     /// Largest distance from the current position, in millimetres
     #[arg(long, value_name = "MM", default_value_t = f64::from(Limits::default().reach_um) / 1000.0, value_parser = positive)]
     reach: f64,
+
+    /// Time limit for an answer or a report of the stage, in seconds
+    #[arg(long, value_name = "S", default_value_t = Limits::default().silence_timeout.as_secs_f64(), value_parser = positive)]
+    silence_timeout: f64,
 }
 
 impl SettingsOptions {
@@ -202,6 +206,7 @@ impl LimitsOptions {
             reach_um: micrometres("--reach", self.reach)?,
             speed_mm_s: self.speed,
             acceleration_mm_s2: self.acceleration,
+            silence_timeout: seconds("--silence-timeout", self.silence_timeout)?,
             ..Limits::default()
         })
     }

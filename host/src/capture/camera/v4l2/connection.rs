@@ -13,12 +13,12 @@ use super::{
     driver,
     error::CameraFault,
     frame_layout::FrameLayout,
-    frame_mean::FrameMean,
+    gray::FrameMean,
     locked_controls::LockedControls,
     stream::{Stream, Wait, WaitError},
 };
 use crate::{
-    capture::camera::{format::PixelFormat, settings::CameraSettings},
+    capture::camera::settings::{CameraSettings, PixelFormat},
     files::input,
 };
 
@@ -55,7 +55,7 @@ impl Connection {
         &self.card
     }
 
-    /// How its frames are laid out in memory.
+    /// The layout of its frames in memory.
     pub(super) fn layout(&self) -> FrameLayout {
         self.layout
     }

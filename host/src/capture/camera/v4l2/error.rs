@@ -1,9 +1,9 @@
-//! What can go wrong with a camera.
+//! Errors of cameras.
 
 use std::{io, path::PathBuf, time::Duration};
 
 use super::frame_layout::FrameLayout;
-use crate::capture::camera::format::PixelFormat;
+use crate::capture::camera::settings::PixelFormat;
 
 /// An error of a camera. Its message names the device.
 #[derive(Debug, thiserror::Error)]
@@ -11,7 +11,7 @@ use crate::capture::camera::format::PixelFormat;
 pub struct CameraError {
     /// The device.
     pub device: PathBuf,
-    /// What is wrong with it.
+    /// The fault.
     pub fault: CameraFault,
 }
 
@@ -21,7 +21,7 @@ impl From<CameraError> for crate::error::Error {
     }
 }
 
-/// What is wrong with a camera, what was expected, and what to do.
+/// A fault of a camera, with the expectation and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CameraFault {
@@ -36,7 +36,7 @@ pub enum CameraFault {
     /// The device is not a camera, or cannot stream.
     #[error("found {found}, expected a camera that can stream; `multiscopic devices` lists the cameras")]
     NotACamera {
-        /// What it is.
+        /// The device that was found.
         found: String,
     },
     /// The device has only the multi-planar interface.
@@ -59,9 +59,9 @@ pub enum CameraFault {
     /// The device does not have the format or the size.
     #[error("found {found}, expected {expected}; `multiscopic devices` lists the formats and sizes of each camera")]
     Format {
-        /// What it would use instead.
+        /// The layout that it would use instead.
         found: String,
-        /// What was requested.
+        /// The layout that was requested.
         expected: String,
     },
     /// No frame arrived in time.
@@ -74,7 +74,7 @@ pub enum CameraFault {
         frames: u32,
         /// Frames that were needed, including those to be discarded.
         expected: u32,
-        /// How long they were waited for.
+        /// The time for which they were waited for.
         waited: Duration,
     },
     /// The capture was cancelled.
@@ -100,7 +100,7 @@ pub enum CameraFault {
         "found {found}, expected a complete JPEG image of {layout}; try again, and check the cable and the bandwidth if it persists"
     )]
     Jpeg {
-        /// What it is.
+        /// The data that was found.
         found: String,
         /// The expected layout.
         layout: FrameLayout,
@@ -108,13 +108,13 @@ pub enum CameraFault {
     /// The device does not have a control that should be set.
     #[error("found no control for {control}; do not set it")]
     NoControl {
-        /// What it controls.
+        /// The setting.
         control: &'static str,
     },
     /// The device did not accept the value of a control.
     #[error("{control} cannot be set to {value}: found {found}; choose a value that the camera has, or do not lock it")]
     Control {
-        /// What it controls.
+        /// The setting.
         control: &'static str,
         /// The requested value.
         value: String,
@@ -124,7 +124,7 @@ pub enum CameraFault {
     /// Any other error of the system.
     #[error("cannot {action}: {source}; try again, and plug the device in again if it persists")]
     System {
-        /// What was attempted.
+        /// The operation that was attempted.
         action: &'static str,
         /// The error of the system.
         source: io::Error,
@@ -142,7 +142,7 @@ impl CameraFault {
     }
 }
 
-/// Whether the device no longer exists. [`io::ErrorKind`] has no variant for it.
+/// Returns true if the device no longer exists. [`io::ErrorKind`] has no variant for it.
 pub(super) fn is_gone(error: &io::Error) -> bool {
     error.raw_os_error() == Some(libc::ENODEV)
 }

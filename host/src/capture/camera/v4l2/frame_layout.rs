@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use crate::capture::camera::format::PixelFormat;
+use crate::capture::camera::settings::PixelFormat;
 
-/// How a camera's frames are laid out in memory.
+/// The layout of a camera's frames in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameLayout {
     /// Pixel format.

@@ -9,10 +9,7 @@ use v4l::{Device, FourCC, format::Description, framesize::FrameSizeEnum, video::
 
 use super::{driver, error::CameraFault};
 use crate::{
-    capture::camera::{
-        format::PixelFormat,
-        info::{CameraInfo, FormatInfo, FrameSizes},
-    },
+    capture::camera::settings::{CameraInfo, FormatInfo, FrameSizes, PixelFormat},
     error::{Error, Result},
 };
 

@@ -31,7 +31,7 @@ const EXPOSURE_MANUAL: i64 = 1;
 
 /// A quantity that a camera can regulate by itself.
 struct AutomaticControl {
-    /// What it controls, for messages.
+    /// Its name in messages.
     name: &'static str,
     /// The control that switches between automatic and manual.
     mode: u32,
@@ -95,7 +95,7 @@ impl LockedControls {
         Ok(locked)
     }
 
-    /// Whether nothing was changed.
+    /// Returns true if nothing was changed.
     pub(super) fn is_empty(&self) -> bool {
         self.previous.is_empty()
     }

@@ -4,9 +4,7 @@ mod connection;
 mod driver;
 mod error;
 mod frame_layout;
-mod frame_mean;
-mod gray_conversion;
-mod jpeg;
+mod gray;
 mod listing;
 mod locked_controls;
 mod stream;
@@ -86,7 +84,7 @@ impl V4l2Camera {
         taken
     }
 
-    /// How the camera's frames are laid out in memory.
+    /// The layout of the camera's frames in memory.
     pub fn layout(&self) -> FrameLayout {
         self.layout
     }

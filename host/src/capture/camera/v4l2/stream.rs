@@ -27,21 +27,21 @@ const BUFFERS: u32 = 5;
 /// The most frames that can be waiting: drivers may have buffers of their own.
 const MAX_WAITING: usize = 32;
 
-/// How often to check for cancellation.
+/// The interval at which cancellation is looked for.
 const CANCEL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// How long to wait for frames.
+/// The wait for frames.
 #[derive(Clone, Copy)]
 pub(super) struct Wait<'a> {
     /// When the wait began.
     pub(super) start: Instant,
-    /// How long it may take in all.
+    /// The time that it may take in all.
     pub(super) timeout: Duration,
     /// Set to end the wait early.
     pub(super) is_cancelled: &'a AtomicBool,
 }
 
-/// Why no frame arrived.
+/// The reason why no frame arrived.
 pub(super) enum WaitError {
     /// Time is up.
     TimeOut,
@@ -127,7 +127,7 @@ impl Stream {
         }
     }
 
-    /// Whether a frame, or an error to be read, is ready within `limit`.
+    /// Returns true if a frame, or an error to be read, is ready within `limit`.
     fn is_ready(&mut self, limit: Duration) -> Result<bool, CameraFault> {
         // Rounded up: poll(2) with 0 would return at once and keep the caller spinning.
         let milliseconds = limit.as_nanos().div_ceil(1_000_000) as i32;

@@ -2,10 +2,11 @@
 
 use std::{
     io::{self, Read, Write},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
-use crate::capture::stage::error::StageError;
+use crate::capture::{clock::Clock, stage::error::StageError};
 
 /// Longer than any line of either firmware.
 const MAX_LINE_BYTES: usize = 1024;
@@ -21,13 +22,19 @@ pub struct LinePort<P> {
     port: P,
     name: String,
     silence_timeout: Duration,
+    clock: Arc<dyn Clock>,
     bytes: Vec<u8>,
 }
 
 impl<P: Read + Write> LinePort<P> {
     /// Uses `port`, called `name` in messages. An expected line may take as long as `silence_timeout`.
-    pub fn new(port: P, name: &str, silence_timeout: Duration) -> LinePort<P> {
-        LinePort { port, name: name.into(), silence_timeout, bytes: Vec::new() }
+    pub fn new(port: P, name: &str, silence_timeout: Duration, clock: Arc<dyn Clock>) -> LinePort<P> {
+        LinePort { port, name: name.into(), silence_timeout, clock, bytes: Vec::new() }
+    }
+
+    /// The current time.
+    pub fn now(&self) -> Instant {
+        self.clock.now()
     }
 
     /// The name of the port in messages.
@@ -62,7 +69,7 @@ impl<P: Read + Write> LinePort<P> {
                 });
             }
             // Also while bytes arrive: they may never make a line.
-            if has_read && Instant::now() >= deadline {
+            if has_read && self.now() >= deadline {
                 return Ok(None);
             }
             let mut chunk = [0; 256];
@@ -90,14 +97,14 @@ impl<P: Read + Write> LinePort<P> {
 
     /// The next line that is not empty, which must arrive before `deadline`.
     pub fn expect(&mut self, deadline: Instant) -> Result<String, StageError> {
-        let next = if Instant::now() < deadline { self.next(deadline)? } else { None };
+        let next = if self.now() < deadline { self.next(deadline)? } else { None };
         next.ok_or_else(|| StageError::Silent { from: self.name(), after: self.silence_timeout })
     }
 
     /// Discards lines until no more arrive, for at most the silence time-out.
     pub fn discard_pending(&mut self) -> Result<(), StageError> {
-        let deadline = Instant::now() + self.silence_timeout;
-        while Instant::now() < deadline && self.next(Instant::now() + QUIET)?.is_some() {}
+        let deadline = self.now() + self.silence_timeout;
+        while self.now() < deadline && self.next(self.now() + QUIET)?.is_some() {}
         Ok(())
     }
 
@@ -109,6 +116,7 @@ impl<P: Read + Write> LinePort<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::capture::SystemClock;
     use std::collections::VecDeque;
 
     /// Chunks to be read; `None` for a read that times out.
@@ -138,7 +146,7 @@ mod tests {
     }
 
     fn line_port(chunks: impl IntoIterator<Item = Option<&'static [u8]>>) -> LinePort<Port> {
-        LinePort::new(Port(chunks.into_iter().collect()), "port", Duration::ZERO)
+        LinePort::new(Port(chunks.into_iter().collect()), "port", Duration::ZERO, Arc::new(SystemClock))
     }
 
     #[test]
@@ -174,7 +182,7 @@ mod tests {
 
     #[test]
     fn empty_lines_without_end_are_not_waited_for() {
-        let mut port = LinePort::new(EndlessPort(b"\r\n\n"), "port", Duration::from_millis(5));
+        let mut port = LinePort::new(EndlessPort(b"\r\n\n"), "port", Duration::from_millis(5), Arc::new(SystemClock));
         let deadline = Instant::now() + Duration::from_millis(5);
         assert_eq!(port.next(deadline).unwrap(), None);
         assert!(matches!(port.expect(deadline + Duration::from_millis(5)), Err(StageError::Silent { .. })));

@@ -32,7 +32,7 @@ pub struct Marlin<P: Read + Write> {
     unanswered: usize,
     /// Coordinates when it was opened, in millimetres. `None` after it restarted and lost them.
     start: Option<[f64; 2]>,
-    /// Where it was last sent, or reported to be, in millimetres.
+    /// The coordinates that it was last sent to or reported, in millimetres.
     coordinates: [f64; 2],
     motion: Motion,
 }
@@ -68,9 +68,9 @@ impl<P: Read + Write> Marlin<P> {
         let mut answers = Vec::new();
         let Limits { silence_timeout, stall_timeout, .. } = self.limits;
         // Wait while it reports that it is busy, but not without limit.
-        let deadline = Instant::now() + silence_timeout + stall_timeout;
+        let deadline = self.port.now() + silence_timeout + stall_timeout;
         while self.unanswered > 0 {
-            let answer = self.port.expect(deadline.min(Instant::now() + silence_timeout))?;
+            let answer = self.port.expect(deadline.min(self.port.now() + silence_timeout))?;
             if let Some(answer) = self.process(answer, line)? {
                 answers.push(answer);
             }
@@ -119,10 +119,10 @@ impl<P: Read + Write> Marlin<P> {
         })
     }
 
-    /// Processes the pending lines. Returns whether there were any.
+    /// Processes the pending lines. Returns true if there were any.
     fn process_pending(&mut self, sent: &str) -> Result<bool, StageError> {
         for processed in 0..MAX_PENDING {
-            match self.port.next(Instant::now())? {
+            match self.port.next(self.port.now())? {
                 Some(line) => self.process(line, sent).map(drop)?,
                 None => return Ok(processed > 0),
             }
@@ -154,7 +154,7 @@ impl<P: Read + Write> Stage for Marlin<P> {
         let target = to_machine(start, position);
         let duration = Duration::from_secs_f64(distance(self.coordinates, target) / self.limits.speed_mm_s);
         // Set before sending: the machine may move even if sending seems to fail.
-        self.motion = Motion::Moving { due: Instant::now() + duration, duration };
+        self.motion = Motion::Moving { due: self.port.now() + duration, duration };
         self.coordinates = target;
         self.command(&linear_move(target, &self.limits)).map(drop)
     }
@@ -162,7 +162,7 @@ impl<P: Read + Write> Stage for Marlin<P> {
     fn has_arrived(&mut self) -> Result<bool, StageError> {
         self.start()?;
         let has_heard = self.process_pending("M400")?;
-        let now = Instant::now();
+        let now = self.port.now();
         match self.motion {
             Motion::Idle => Ok(false),
             Motion::Arrived => Ok(true),

@@ -9,11 +9,97 @@
 //! modes `G21` and `G90` are set before each move.
 
 mod coordinates;
-pub(super) mod detection;
 mod grbl;
 mod line_port;
 mod marlin;
 
-pub use detection::{BAUD, connect, open};
 pub use grbl::Grbl;
 pub use marlin::Marlin;
+
+use std::{
+    io::{self, Read, Write},
+    sync::Arc,
+    time::Duration,
+};
+
+use super::{adapters::AnyStage, error::StageError, limits::Limits};
+use crate::capture::clock::{Clock, SystemClock};
+use line_port::LinePort;
+
+/// The default baud rate of both firmwares.
+pub const BAUD: u32 = 115_200;
+
+/// The time for which one read of the port blocks.
+const READ_TIMEOUT: Duration = Duration::from_millis(10);
+
+/// The time that a machine may take to answer once it has booted.
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// Opens the machine on a serial port, with either firmware. It does not move.
+///
+/// # Errors
+/// The limits are out of range, the port cannot be opened, no known firmware answers, or the machine is not
+/// ready to move.
+pub fn open(path: &str, baud: u32, limits: &Limits) -> Result<AnyStage, StageError> {
+    let port = serialport::new(path, baud).timeout(READ_TIMEOUT).open().map_err(|error| {
+        let advice = match error.kind() {
+            serialport::ErrorKind::Io(io::ErrorKind::PermissionDenied) => "add yourself to the group of serial ports (dialout)",
+            _ => "check the cable and the port's name, and that no other program uses it",
+        };
+        StageError::Connect { to: path.into(), source: error.into(), advice }
+    })?;
+    connect(port, path, limits)
+}
+
+/// Opens the machine at the other end of `port`, which messages call `name`. Reads of the port must time out
+/// after a short while.
+///
+/// # Errors
+/// The limits are out of range, no known firmware answers, or the machine is not ready to move.
+pub fn connect<P: Read + Write + Send + 'static>(port: P, name: &str, limits: &Limits) -> Result<AnyStage, StageError> {
+    connect_with_clock(port, name, limits, Arc::new(SystemClock))
+}
+
+/// Opens a machine like [`connect`], in the time of `clock`, in which reads of the port must time out after a short while.
+///
+/// # Errors
+/// Those of [`connect`].
+pub fn connect_with_clock<P: Read + Write + Send + 'static>(
+    port: P,
+    name: &str,
+    limits: &Limits,
+    clock: Arc<dyn Clock>,
+) -> Result<AnyStage, StageError> {
+    limits.check()?;
+    let mut port = LinePort::new(port, name, limits.silence_timeout, clock);
+    let deadline = port.now() + limits.connect_timeout;
+    let mut last_line = None;
+    while port.now() < deadline {
+        // Each firmware answers one of them, and rejects the other without harm.
+        for query in ["\n?", "M115"] {
+            port.send(query)?;
+            let until = deadline.min(port.now() + ANSWER_TIMEOUT);
+            // Checked for each line: a machine may report without end.
+            while port.now() < until {
+                let Some(line) = port.next(until)? else { break };
+                if grbl::is_banner(&line) || line.starts_with('<') {
+                    port.discard_pending()?;
+                    return Grbl::open(port, limits).map(AnyStage::new);
+                }
+                if line.contains("FIRMWARE_NAME:") {
+                    port.discard_pending()?;
+                    return Marlin::open(port, limits).map(AnyStage::new);
+                }
+                last_line = Some(line);
+            }
+        }
+    }
+    Err(match last_line {
+        None => StageError::Silent { from: name.into(), after: limits.connect_timeout },
+        Some(line) => StageError::Protocol {
+            from: name.into(),
+            found: format!("`{line}`"),
+            expected: format!("Grbl 1.1 or Marlin at the port's baud rate (gcode:{name}@BAUD)"),
+        },
+    })
+}

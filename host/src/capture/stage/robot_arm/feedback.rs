@@ -1,46 +1,46 @@
-//! Receiving the state of an arm.
+//! The state of an arm over time, and receiving it.
 
 use std::{
     io,
-    net::{Shutdown, TcpStream},
-    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
 
 use super::{
-    arm_state::ArmState,
     handshake::{Agreement, Handshake},
-    package_reader::PackageReader,
-    rtde::{self, Sample},
+    network::Connection,
+    rtde::{self, PackageReader, Sample},
 };
-use crate::capture::stage::error::StageError;
+use crate::capture::{
+    clock::Clock,
+    stage::{arm_modes::RobotMode, error::StageError},
+};
+
+/// The time between two looks at the latest sample, while one is waited for.
+const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
 /// A connection over which the arm sends its state many times a second. A thread receives it.
 pub struct Feedback {
-    stream: TcpStream,
+    stream: Box<dyn Connection>,
     name: String,
     silence_timeout: Duration,
-    shared: Arc<Shared>,
+    clock: Arc<dyn Clock>,
+    latest: Arc<Mutex<Latest>>,
     reader: Option<JoinHandle<()>>,
 }
 
-/// What the receiving thread shares.
-struct Shared {
-    latest: Mutex<Latest>,
-    changed: Condvar,
-}
-
+/// The latest state, which the receiving thread shares.
 struct Latest {
     state: ArmState,
-    /// Why the thread stopped receiving.
+    /// The reason why the thread has stopped receiving.
     end: Option<End>,
 }
 
 #[derive(Debug)]
 enum End {
     Disconnected(io::ErrorKind),
-    /// What was received instead of the protocol.
+    /// Something else than the protocol arrived.
     Unexpected(String),
 }
 
@@ -52,24 +52,27 @@ impl Feedback {
     ///
     /// # Errors
     /// The connection broke, the arm did not answer in time, or it refused.
-    pub fn start(stream: TcpStream, name: String, limit: Duration, silence_timeout: Duration) -> Result<Feedback, StageError> {
+    pub fn start(
+        stream: Box<dyn Connection>,
+        name: String,
+        limit: Duration,
+        silence_timeout: Duration,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Feedback, StageError> {
         let disconnected = |source| rtde::disconnected(&name, source);
-        stream.set_nodelay(true).map_err(disconnected)?;
-        stream.set_write_timeout(Some(limit)).map_err(disconnected)?;
+        stream.set_write_timeout(limit).map_err(disconnected)?;
         let mut reader = PackageReader::new(stream.try_clone().map_err(disconnected)?);
-        let handshake = Handshake { reader: &mut reader, name: &name, deadline: Instant::now() + limit, limit };
+        let handshake = Handshake { reader: &mut reader, name: &name, clock: &*clock, deadline: clock.now() + limit, limit };
         let Agreement { recipe, sample } = handshake.run()?;
         reader.stream().set_read_timeout(None).map_err(disconnected)?;
 
-        let latest = Mutex::new(Latest { state: ArmState::first(sample), end: None });
-        let shared = Arc::new(Shared { latest, changed: Condvar::new() });
-        let receiver = shared.clone();
+        let latest = Arc::new(Mutex::new(Latest { state: ArmState::first(sample, clock.now()), end: None }));
+        let (shared, time) = (latest.clone(), clock.clone());
         let reader = thread::spawn(move || {
-            let end = receive(&mut reader, recipe, &receiver);
-            receiver.lock().end = Some(end);
-            receiver.changed.notify_all();
+            let end = receive(&mut reader, recipe, &shared, &*time);
+            lock(&shared).end = Some(end);
         });
-        Ok(Feedback { stream, name, silence_timeout, shared, reader: Some(reader) })
+        Ok(Feedback { stream, name, silence_timeout, clock, latest, reader: Some(reader) })
     }
 
     /// The latest state.
@@ -77,7 +80,7 @@ impl Feedback {
     /// # Errors
     /// The connection broke, something else than the protocol arrived, or nothing for too long.
     pub fn state(&self) -> Result<ArmState, StageError> {
-        self.read(&self.shared.lock())
+        self.read(&lock(&self.latest))
     }
 
     /// Waits for the next sample.
@@ -86,8 +89,8 @@ impl Feedback {
     /// The connection broke, something else than the protocol arrived, or nothing for too long.
     pub fn next(&self) -> Result<ArmState, StageError> {
         let (count, age) = {
-            let latest = self.shared.lock();
-            (latest.state.count, latest.state.at.elapsed())
+            let latest = lock(&self.latest);
+            (latest.state.count, self.age(&latest))
         };
         self.wait(self.silence_timeout.saturating_sub(age), |state| state.count > count)
     }
@@ -101,22 +104,29 @@ impl Feedback {
     }
 
     fn wait(&self, limit: Duration, condition: impl Fn(&ArmState) -> bool) -> Result<ArmState, StageError> {
-        let must_wait = |latest: &mut Latest| latest.end.is_none() && !condition(&latest.state);
-        let waited = self.shared.changed.wait_timeout_while(self.shared.lock(), limit, must_wait);
-        let (latest, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        self.read(&latest)
+        let deadline = self.clock.now() + limit;
+        let must_wait = |latest: &Latest| latest.end.is_none() && !condition(&latest.state);
+        while must_wait(&lock(&self.latest)) && self.clock.now() < deadline {
+            self.clock.sleep(LOOK_INTERVAL);
+        }
+        self.read(&lock(&self.latest))
     }
 
-    /// Whether the connection still receives.
+    /// Returns true if the connection still receives.
     pub fn is_open(&self) -> bool {
-        self.shared.lock().end.is_none()
+        lock(&self.latest).end.is_none()
+    }
+
+    /// The time since the latest sample.
+    fn age(&self, latest: &Latest) -> Duration {
+        self.clock.now().saturating_duration_since(latest.state.at)
     }
 
     fn read(&self, latest: &Latest) -> Result<ArmState, StageError> {
         match &latest.end {
             Some(End::Disconnected(kind)) => Err(rtde::disconnected(&self.name, (*kind).into())),
             Some(End::Unexpected(found)) => Err(rtde::unexpected(&self.name, found.clone())),
-            None if latest.state.at.elapsed() >= self.silence_timeout => {
+            None if self.age(latest) >= self.silence_timeout => {
                 Err(StageError::Silent { from: self.name.clone(), after: self.silence_timeout })
             }
             None => Ok(latest.state),
@@ -126,22 +136,20 @@ impl Feedback {
 
 impl Drop for Feedback {
     fn drop(&mut self) {
-        let _ = self.stream.shutdown(Shutdown::Both);
+        self.stream.shutdown();
         if let Some(reader) = self.reader.take() {
             let _ = reader.join();
         }
     }
 }
 
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, Latest> {
-        // The state is replaced as a whole, so that a panic cannot leave it half-written.
-        self.latest.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+fn lock(latest: &Mutex<Latest>) -> MutexGuard<'_, Latest> {
+    // The state is replaced as a whole, so that a panic cannot leave it half-written.
+    latest.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Receives samples until the connection ends.
-fn receive(reader: &mut PackageReader, recipe: u8, shared: &Shared) -> End {
+fn receive(reader: &mut PackageReader, recipe: u8, latest: &Mutex<Latest>, clock: &dyn Clock) -> End {
     loop {
         let package = match reader.buffered() {
             Ok(package) => package,
@@ -156,11 +164,74 @@ fn receive(reader: &mut PackageReader, recipe: u8, shared: &Shared) -> End {
         match Sample::from_package(kind, &payload, recipe) {
             Ok(None) => {}
             Ok(Some(sample)) => {
-                let mut latest = shared.lock();
-                latest.state = latest.state.next(sample);
-                shared.changed.notify_all();
+                let mut latest = lock(latest);
+                latest.state = latest.state.next(sample, clock.now());
             }
             Err(found) => return End::Unexpected(found),
         }
+    }
+}
+
+/// The tool counts as standing still below these speeds, in metres and radians per second: what the sensors
+/// report of a tool at rest.
+const STILL_SPEED: [f64; 2] = [1e-3, 1e-2];
+
+/// Samples in a row below [`STILL_SPEED`] for the tool to count as still.
+const STILL_SAMPLES: u64 = 5;
+
+/// The latest sample of an arm's state, and what happened up to it.
+#[derive(Clone, Copy, Debug)]
+pub struct ArmState {
+    /// The latest sample.
+    pub sample: Sample,
+    /// When it arrived.
+    pub at: Instant,
+    /// Number of samples so far.
+    pub count: u64,
+    /// The value of `count` when the tool last moved.
+    pub last_moved: u64,
+    /// The value of `count` when a program last ran.
+    pub last_playing: u64,
+}
+
+impl ArmState {
+    /// The state at the first sample, which arrived at time `at`.
+    pub fn first(sample: Sample, at: Instant) -> ArmState {
+        ArmState { sample, at, count: 0, last_moved: 0, last_playing: 0 }.next(sample, at)
+    }
+
+    /// The state after another sample, which arrived at time `at`.
+    pub fn next(self, sample: Sample, at: Instant) -> ArmState {
+        let count = self.count + 1;
+        let speeds = sample.speed.map(|[x, y, z]| x.hypot(y).hypot(z));
+        let is_moving = speeds.iter().zip(STILL_SPEED).any(|(&speed, still)| speed > still);
+        ArmState {
+            sample,
+            at,
+            count,
+            last_moved: if is_moving { count } else { self.last_moved },
+            last_playing: if sample.is_playing { count } else { self.last_playing },
+        }
+    }
+
+    /// Returns true if the tool has stood still for some samples, all of them after sample number `since`.
+    pub fn is_still(&self, since: u64) -> bool {
+        self.count >= self.last_moved.max(since) + STILL_SAMPLES
+    }
+
+    /// Fails unless the arm can move.
+    ///
+    /// # Errors
+    /// [`StageError::SafetyStop`] or [`StageError::NotReady`].
+    pub fn check_ready(self) -> Result<ArmState, StageError> {
+        let Sample { safety, robot_mode, .. } = self.sample;
+        if !safety.may_move() {
+            return Err(StageError::SafetyStop(safety));
+        }
+        if robot_mode != RobotMode::RUNNING {
+            let found = format!("the arm is {robot_mode}");
+            return Err(StageError::NotReady { found, advice: "switch it on and release its brakes at the teach pendant" });
+        }
+        Ok(self)
     }
 }

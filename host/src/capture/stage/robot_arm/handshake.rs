@@ -1,17 +1,14 @@
 //! Setting up the Real-Time Data Exchange: version, recipe, start.
 
 use std::{
-    io::{self, Write},
+    io,
     time::{Duration, Instant},
 };
 
-use super::{
-    package_reader::PackageReader,
-    rtde::{self, PackageKind, Sample},
-};
-use crate::capture::stage::error::StageError;
+use super::rtde::{self, PackageKind, PackageReader, Sample};
+use crate::capture::{clock::Clock, stage::error::StageError};
 
-/// What the arm agreed to send.
+/// The agreement on what the arm sends.
 pub struct Agreement {
     /// The number of the recipe. Data packages start with it.
     pub recipe: u8,
@@ -23,11 +20,13 @@ pub struct Agreement {
 pub struct Handshake<'a> {
     /// The connection.
     pub reader: &'a mut PackageReader,
-    /// What messages call it.
+    /// Its name in messages.
     pub name: &'a str,
+    /// The clock of the deadline.
+    pub clock: &'a dyn Clock,
     /// When to give up.
     pub deadline: Instant,
-    /// How long the handshake may take, for messages.
+    /// The time that the handshake may take, for messages.
     pub limit: Duration,
 }
 
@@ -85,7 +84,7 @@ impl Handshake<'_> {
             if let Some(package) = self.reader.buffered().map_err(|found| rtde::unexpected(self.name, found))? {
                 return Ok(package);
             }
-            let remaining = self.deadline.saturating_duration_since(Instant::now());
+            let remaining = self.deadline.saturating_duration_since(self.clock.now());
             if remaining.is_zero() {
                 return Err(StageError::Silent { from: self.name.into(), after: self.limit });
             }

@@ -5,38 +5,36 @@
 //! reports its state over the Real-Time Data Exchange. An e-Series arm must be set to remote control; older
 //! ones always accept scripts.
 
-pub(super) mod address;
-mod arm_state;
 mod feedback;
 mod handshake;
-mod package_reader;
-mod robot_mode;
+mod network;
 mod rtde;
 mod script;
 mod tool_pose;
 
-pub use address::ArmAddress;
+pub use network::{ArmAddress, Connection, Network};
 pub use tool_pose::ToolPose;
 
-use std::{
-    net::IpAddr,
-    time::{Duration, Instant},
-};
+use std::{sync::Arc, time::Duration};
 
 use multiscopic_core::capture::{Position, Stage};
 
-use super::{error::StageError, limits::Limits, stall_timer::StallTimer};
-use arm_state::ArmState;
-use feedback::Feedback;
+use super::{
+    error::StageError,
+    limits::{Limits, StallTimer},
+};
+use crate::capture::clock::{Clock, SystemClock};
+use feedback::{ArmState, Feedback};
+use network::Hosts;
 use script::ScriptPort;
 
-/// How near the tool must come to its target, in metres and radians. The arms repeat to 0.1 mm.
+/// The distances from its target at which the tool has arrived, in metres and radians. The arms repeat to 0.1 mm.
 const TOLERANCE: [f64; 2] = [1e-4, 2e-3];
 
 /// Approaching by this much counts as progress, in metres. It is above the sensors' noise.
 const MIN_PROGRESS_M: f64 = 2e-5;
 
-/// How long the arm may take to stop: four times what it should.
+/// The time that the arm may take to stop: four times what it should.
 const STOP_LIMIT: Duration = Duration::from_secs(1);
 
 /// An arm whose tool centre point is the camera: x to the right of the image, y down, z along the view. Set it
@@ -49,9 +47,7 @@ const STOP_LIMIT: Duration = Duration::from_secs(1);
 /// Most calls return at once. The others return within [`Limits::connect_timeout`] for each connection to be
 /// reopened, and [`Limits::silence_timeout`] for each line to be sent. Dropping it stops any move.
 pub struct Arm {
-    address: ArmAddress,
-    hosts: Vec<IpAddr>,
-    limits: Limits,
+    line: Line,
     start: ToolPose,
     feedback: Feedback,
     script: ScriptPort,
@@ -74,11 +70,26 @@ impl Arm {
     /// The limits are out of range, no arm answers at the address, or it is not ready to move.
     pub fn connect(address: &ArmAddress, limits: &Limits) -> Result<Arm, StageError> {
         limits.check()?;
-        let hosts = address.resolve(limits.connect_timeout)?;
-        let feedback = open_feedback(address, &hosts, limits)?;
+        let hosts = Hosts(address.resolve(limits.connect_timeout)?);
+        Arm::connect_with_clock(address, Box::new(hosts), limits, Arc::new(SystemClock))
+    }
+
+    /// Connects to an arm over `network`, and waits for it in the time of `clock`. It does not move.
+    ///
+    /// # Errors
+    /// Those of [`Arm::connect`].
+    pub fn connect_with_clock(
+        address: &ArmAddress,
+        network: Box<dyn Network>,
+        limits: &Limits,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Arm, StageError> {
+        limits.check()?;
+        let line = Line { address: address.clone(), network, limits: *limits, clock };
+        let feedback = line.open_feedback()?;
         let start = feedback.state()?.check_ready()?.sample.pose;
-        let script = open_script(address, &hosts, limits)?;
-        Ok(Arm { address: address.clone(), hosts, limits: *limits, start, feedback, script, current_move: None })
+        let script = line.open_script()?;
+        Ok(Arm { line, start, feedback, script, current_move: None })
     }
 
     /// The pose of the tool when the arm was opened, in the frame of its base.
@@ -99,7 +110,7 @@ impl Arm {
 
     fn reopen_script(&mut self) -> Result<(), StageError> {
         if !self.script.is_open() {
-            self.script = open_script(&self.address, &self.hosts, &self.limits)?;
+            self.script = self.line.open_script()?;
         }
         Ok(())
     }
@@ -114,9 +125,9 @@ impl Stage for Arm {
     type Error = StageError;
 
     fn move_to(&mut self, position: Position) -> Result<(), StageError> {
-        self.limits.check_reach(position)?;
+        self.line.limits.check_reach(position)?;
         if self.feedback.state().is_err() {
-            self.feedback = open_feedback(&self.address, &self.hosts, &self.limits)?;
+            self.feedback = self.line.open_feedback()?;
         }
         self.reopen_script()?;
         // A new sample, so that the decision to move is not based on an old state.
@@ -125,10 +136,10 @@ impl Stage for Arm {
         self.current_move = Some(Move {
             target: position,
             since: state.count,
-            stall_timer: StallTimer::start(self.distance(&state, position), MIN_PROGRESS_M),
+            stall_timer: StallTimer::start(self.distance(&state, position), MIN_PROGRESS_M, self.line.clock.now()),
             is_done: false,
         });
-        self.script.send(&script::move_line(&self.start, position, &self.limits))
+        self.script.send(&script::move_line(&self.start, position, &self.line.limits))
     }
 
     fn has_arrived(&mut self) -> Result<bool, StageError> {
@@ -140,7 +151,7 @@ impl Stage for Arm {
         // Measured at the time of the sample: missing samples are silence, not a stall.
         let after = current.stall_timer.update(distance, state.at);
         self.current_move = Some(current);
-        match current.is_done || after <= self.limits.stall_timeout {
+        match current.is_done || after <= self.line.limits.stall_timeout {
             true => Ok(current.is_done),
             false if state.last_playing <= current.since => Err(StageError::Ignored { after }),
             false => Err(StageError::Stalled { distance_um: (distance * 1e6) as u32, after }),
@@ -157,14 +168,14 @@ impl Stage for Arm {
         // If one connection broke, the other may have broken too without noticing yet. If reopening fails,
         // try the old one.
         if !self.feedback.is_open()
-            && let Ok(script) = open_script(&self.address, &self.hosts, &self.limits)
+            && let Ok(script) = self.line.open_script()
         {
             self.script = script;
         }
         self.send_stop()?;
         self.current_move = None;
         if !self.feedback.is_open() {
-            self.feedback = open_feedback(&self.address, &self.hosts, &self.limits)?;
+            self.feedback = self.line.open_feedback()?;
         }
         let next = self.feedback.next();
         // Sending over a broken connection succeeds at first. If it has turned out to be broken, send again.
@@ -188,16 +199,32 @@ impl Drop for Arm {
     }
 }
 
-fn open_feedback(address: &ArmAddress, hosts: &[IpAddr], limits: &Limits) -> Result<Feedback, StageError> {
-    let deadline = Instant::now() + limits.connect_timeout;
-    let stream = address.connect(hosts, address.rtde_port, limits.connect_timeout)?;
-    let remaining = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
-    Feedback::start(stream, address.port_name(address.rtde_port), remaining, limits.silence_timeout)
+/// The way to an arm, over which connections are opened.
+struct Line {
+    address: ArmAddress,
+    network: Box<dyn Network>,
+    limits: Limits,
+    clock: Arc<dyn Clock>,
 }
 
-fn open_script(address: &ArmAddress, hosts: &[IpAddr], limits: &Limits) -> Result<ScriptPort, StageError> {
-    let name = address.port_name(address.script_port);
-    let stream = address.connect(hosts, address.script_port, limits.connect_timeout)?;
-    let opened = ScriptPort::new(stream, name.clone(), limits.silence_timeout);
-    opened.map_err(|source| StageError::Connect { to: name, source, advice: "try again" })
+impl Line {
+    fn connect(&self, port: u16) -> Result<Box<dyn Connection>, StageError> {
+        let connected = self.network.connect(port, self.limits.connect_timeout);
+        connected.map_err(|error| network::cannot_connect(self.address.port_name(port), error))
+    }
+
+    fn open_feedback(&self) -> Result<Feedback, StageError> {
+        let Limits { connect_timeout, silence_timeout, .. } = self.limits;
+        let (port, deadline) = (self.address.rtde_port, self.clock.now() + connect_timeout);
+        let stream = self.connect(port)?;
+        let remaining = deadline.saturating_duration_since(self.clock.now()).max(Duration::from_millis(1));
+        Feedback::start(stream, self.address.port_name(port), remaining, silence_timeout, self.clock.clone())
+    }
+
+    fn open_script(&self) -> Result<ScriptPort, StageError> {
+        let port = self.address.script_port;
+        let (name, stream) = (self.address.port_name(port), self.connect(port)?);
+        let opened = ScriptPort::new(stream, name.clone(), self.limits.silence_timeout);
+        opened.map_err(|source| StageError::Connect { to: name, source, advice: "try again" })
+    }
 }

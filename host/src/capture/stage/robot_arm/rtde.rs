@@ -5,8 +5,11 @@
 
 use std::io;
 
-use super::{robot_mode::RobotMode, tool_pose::ToolPose};
-use crate::capture::stage::{error::StageError, safety_mode::SafetyMode};
+use super::{network::Connection, tool_pose::ToolPose};
+use crate::capture::stage::{
+    arm_modes::{RobotMode, SafetyMode},
+    error::StageError,
+};
 
 /// Version of the protocol.
 pub const VERSION: u16 = 2;
@@ -112,7 +115,7 @@ pub struct Sample {
     pub robot_mode: RobotMode,
     /// The safety mode.
     pub safety: SafetyMode,
-    /// Whether the arm executes a program.
+    /// True if the arm executes a program.
     pub is_playing: bool,
 }
 
@@ -169,6 +172,53 @@ pub fn disconnected(name: &str, source: io::Error) -> StageError {
 pub fn unexpected(name: &str, found: String) -> StageError {
     let expected = "the Real-Time Data Exchange of an arm of Universal Robots".into();
     StageError::Protocol { from: name.into(), found, expected }
+}
+
+/// The incoming half of a connection, with the bytes that are not yet a whole package.
+pub struct PackageReader {
+    stream: Box<dyn Connection>,
+    bytes: Vec<u8>,
+}
+
+impl PackageReader {
+    /// Reads from `stream`.
+    pub fn new(stream: Box<dyn Connection>) -> PackageReader {
+        PackageReader { stream, bytes: Vec::new() }
+    }
+
+    /// The connection.
+    pub fn stream(&mut self) -> &mut dyn Connection {
+        &mut *self.stream
+    }
+
+    /// Removes the first package from the buffer, and returns its kind and payload. `None` if it has not
+    /// arrived in full.
+    ///
+    /// # Errors
+    /// The bytes are no package. The text says what was found.
+    pub fn buffered(&mut self) -> Result<Option<(u8, Vec<u8>)>, String> {
+        let Some(Package { kind, payload, length }) = split(&self.bytes)? else { return Ok(None) };
+        let package = (kind, payload.to_vec());
+        self.bytes.drain(..length);
+        Ok(Some(package))
+    }
+
+    /// Waits for more bytes.
+    ///
+    /// # Errors
+    /// The connection broke, was closed, or timed out.
+    pub fn fill(&mut self) -> io::Result<()> {
+        let mut chunk = [0; 4096];
+        match self.stream.read(&mut chunk) {
+            Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(length) => {
+                self.bytes.extend_from_slice(&chunk[..length]);
+                Ok(())
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -2,8 +2,7 @@
 
 use std::{
     fmt::Write as _,
-    io::{self, Read, Write as _},
-    net::{Shutdown, TcpStream},
+    io,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -14,7 +13,7 @@ use std::{
 
 use multiscopic_core::capture::Position;
 
-use super::tool_pose::ToolPose;
+use super::{network::Connection, tool_pose::ToolPose};
 use crate::capture::stage::{error::StageError, limits::Limits};
 
 /// Deceleration of a stop in metres per second squared: the highest speed ends within a quarter of a second.
@@ -47,7 +46,7 @@ fn pose_literal(numbers: Vec<f64>) -> String {
 
 /// The connection over which scripts are sent.
 pub struct ScriptPort {
-    stream: TcpStream,
+    stream: Box<dyn Connection>,
     name: String,
     is_open: Arc<AtomicBool>,
     drain: Option<JoinHandle<()>>,
@@ -55,9 +54,8 @@ pub struct ScriptPort {
 
 impl ScriptPort {
     /// Sends over `stream`, called `name` in messages. Sending a line may take as long as `limit`.
-    pub fn new(stream: TcpStream, name: String, limit: Duration) -> io::Result<ScriptPort> {
-        stream.set_nodelay(true)?;
-        stream.set_write_timeout(Some(limit))?;
+    pub fn new(stream: Box<dyn Connection>, name: String, limit: Duration) -> io::Result<ScriptPort> {
+        stream.set_write_timeout(limit)?;
         stream.set_read_timeout(None)?;
         let (mut incoming, is_open) = (stream.try_clone()?, Arc::new(AtomicBool::new(true)));
         let reader_open = is_open.clone();
@@ -76,7 +74,7 @@ impl ScriptPort {
         Ok(ScriptPort { stream, name, is_open, drain: Some(drain) })
     }
 
-    /// Whether the arm has not closed the connection.
+    /// Returns true if the arm has not closed the connection.
     pub fn is_open(&self) -> bool {
         self.is_open.load(Ordering::Relaxed)
     }
@@ -105,7 +103,7 @@ impl ScriptPort {
 
 impl Drop for ScriptPort {
     fn drop(&mut self) {
-        let _ = self.stream.shutdown(Shutdown::Both);
+        self.stream.shutdown();
         if let Some(drain) = self.drain.take() {
             let _ = drain.join();
         }

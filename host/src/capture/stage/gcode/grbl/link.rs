@@ -18,7 +18,7 @@ pub struct GrblLink<P> {
     port: LinePort<P>,
     parser: StatusParser,
     silence_timeout: Duration,
-    /// Whether Grbl has restarted by itself, so that its coordinates are void.
+    /// True if Grbl has restarted by itself, so that its coordinates are void.
     has_restarted: bool,
 }
 
@@ -27,12 +27,16 @@ impl<P: Read + Write> GrblLink<P> {
     pub fn open(port: LinePort<P>, silence_timeout: Duration) -> Result<GrblLink<P>, StageError> {
         let mut link = GrblLink { port, parser: StatusParser::new(1.0), silence_timeout, has_restarted: false };
         link.port.send("$$")?;
-        let deadline = Instant::now() + silence_timeout;
+        let deadline = link.now() + silence_timeout;
+        let mut refusal = None;
         let settings = loop {
-            let answers = link.answers("$$", deadline)?;
-            // Without settings, it is the late answer to an earlier line.
-            if answers.iter().any(|line| line.starts_with('$')) {
-                break answers;
+            // Without settings, it is the late answer to an earlier line. That may be refused, too.
+            match link.answers("$$", deadline) {
+                Ok(answers) if answers.iter().any(|line| line.starts_with('$')) => break answers,
+                Ok(_) => {}
+                Err(error @ StageError::Refused { .. }) if refusal.is_none() => refusal = Some(error),
+                Err(error @ StageError::Silent { .. }) => return Err(refusal.unwrap_or(error)),
+                Err(error) => return Err(error),
             }
         };
         // Setting 13 makes it report inches.
@@ -42,10 +46,15 @@ impl<P: Read + Write> GrblLink<P> {
         Ok(link)
     }
 
+    /// The current time.
+    pub fn now(&self) -> Instant {
+        self.port.now()
+    }
+
     /// Sends a line, and returns the answers before `ok`.
     pub fn command(&mut self, line: &str) -> Result<Vec<String>, StageError> {
         self.port.send(line)?;
-        self.answers(line, Instant::now() + self.silence_timeout)
+        self.answers(line, self.now() + self.silence_timeout)
     }
 
     /// Receives the answers to `line` before `ok`.
@@ -79,10 +88,10 @@ impl<P: Read + Write> GrblLink<P> {
 
     /// Queries the machine's state and coordinates.
     pub fn status(&mut self) -> Result<Status, StageError> {
-        let deadline = Instant::now() + self.silence_timeout;
+        let deadline = self.now() + self.silence_timeout;
         // Again and again: a machine that reports work coordinates tells their offset only in some of the
         // reports.
-        while Instant::now() < deadline {
+        while self.now() < deadline {
             self.port.send_bytes(&[STATUS_QUERY])?;
             let report = loop {
                 let line = self.receive(deadline)?;
@@ -120,9 +129,9 @@ impl<P: Read + Write> GrblLink<P> {
 
     /// Decelerates the machine to a standstill.
     pub fn feed_hold(&mut self) -> Result<(), StageError> {
-        let deadline = Instant::now() + self.silence_timeout;
+        let deadline = self.now() + self.silence_timeout;
         self.port.send_bytes(&[FEED_HOLD])?;
-        while Instant::now() < deadline {
+        while self.now() < deadline {
             // In `Hold:1` it is still decelerating. In other states there is no motion to hold.
             if !["Run", "Jog", "Hold:1"].contains(&self.status()?.state.as_str()) {
                 return Ok(());
@@ -134,7 +143,7 @@ impl<P: Read + Write> GrblLink<P> {
     /// Resets the controller, which discards the move.
     pub fn soft_reset(&mut self) -> Result<(), StageError> {
         self.port.send_bytes(&[SOFT_RESET])?;
-        let deadline = Instant::now() + self.silence_timeout;
+        let deadline = self.now() + self.silence_timeout;
         while !status::is_banner(&self.port.expect(deadline)?) {}
         Ok(())
     }
@@ -151,7 +160,8 @@ impl<P: Read + Write> GrblLink<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io;
+    use crate::capture::SystemClock;
+    use std::{io, sync::Arc};
 
     /// Brings these bytes, whatever is sent.
     struct Port(&'static [u8]);
@@ -174,9 +184,9 @@ mod tests {
 
     #[test]
     fn a_late_answer_does_not_hide_the_unit() {
-        let port = Port(b"ok\r\nok\r\n$0=10\r\n$13=1\r\nok\r\n<Idle|MPos:1.000,2.000,0.000|FS:0,0>\r\n");
+        let port = Port(b"ok\r\nerror:20\r\nok\r\n$0=10\r\n$13=1\r\nok\r\n<Idle|MPos:1.000,2.000,0.000|FS:0,0>\r\n");
         let patience = Duration::from_secs(60);
-        let mut link = GrblLink::open(LinePort::new(port, "port", patience), patience).unwrap();
+        let mut link = GrblLink::open(LinePort::new(port, "port", patience, Arc::new(SystemClock)), patience).unwrap();
         assert_eq!(link.status().unwrap().coordinates, [25.4, 50.8]);
     }
 }

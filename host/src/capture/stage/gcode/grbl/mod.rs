@@ -10,10 +10,7 @@ mod status;
 
 pub use status::is_banner;
 
-use std::{
-    io::{Read, Write},
-    time::Instant,
-};
+use std::io::{Read, Write};
 
 use multiscopic_core::capture::{Position, Stage};
 
@@ -21,10 +18,13 @@ use super::{
     coordinates::{distance, linear_move, to_machine, to_position},
     line_port::LinePort,
 };
-use crate::capture::stage::{error::StageError, limits::Limits, stall_timer::StallTimer};
+use crate::capture::stage::{
+    error::StageError,
+    limits::{Limits, StallTimer},
+};
 use link::GrblLink;
 
-/// How near the machine must be to its target, in millimetres: a few steps of a coarse machine.
+/// The distance from its target at which the machine has arrived, in millimetres: a few steps of a coarse machine.
 const TOLERANCE_MM: f64 = 0.05;
 
 /// A machine with Grbl.
@@ -70,7 +70,7 @@ impl<P: Read + Write> Stage for Grbl<P> {
         self.link.check_ready(&status)?;
         let target = to_machine(self.start, position);
         // Set before sending: the machine may move even if sending seems to fail.
-        let stall_timer = StallTimer::start(distance(status.coordinates, target), 0.0);
+        let stall_timer = StallTimer::start(distance(status.coordinates, target), 0.0, self.link.now());
         self.current_move = Some(Move { target, stall_timer, is_done: false });
         self.link.command(&format!("G90 G21 G94 G53 {}", linear_move(target, &self.limits))).map(drop)
     }
@@ -83,7 +83,7 @@ impl<P: Read + Write> Stage for Grbl<P> {
         let distance = distance(status.coordinates, current.target);
         // `Idle` is not enough: the machine is also idle for a moment before it starts to move.
         current.is_done = status.state == "Idle" && distance <= TOLERANCE_MM;
-        let after = current.stall_timer.update(distance, Instant::now());
+        let after = current.stall_timer.update(distance, self.link.now());
         self.current_move = Some(current);
         match current.is_done || after <= self.limits.stall_timeout {
             true => Ok(current.is_done),

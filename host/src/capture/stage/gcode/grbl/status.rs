@@ -2,7 +2,7 @@
 
 use crate::capture::stage::gcode::coordinates::parse_coordinate;
 
-/// Whether this line says that Grbl has started.
+/// Returns true if this line says that Grbl has started.
 pub fn is_banner(line: &str) -> bool {
     line.get(..4).is_some_and(|start| start.eq_ignore_ascii_case("grbl")) && line.contains("'$'")
 }

@@ -1,4 +1,4 @@
-//! What the safety functions of an arm report.
+//! The modes that an arm reports: those of its safety functions and of its operation.
 
 use std::fmt;
 
@@ -29,7 +29,7 @@ pub enum SafetyMode {
 }
 
 impl SafetyMode {
-    /// Whether the arm may move.
+    /// Returns true if the arm may move.
     pub fn may_move(self) -> bool {
         matches!(self, SafetyMode::Normal | SafetyMode::Reduced)
     }
@@ -67,5 +67,39 @@ impl fmt::Display for SafetyMode {
             SafetyMode::Other(number) => return write!(f, "safety mode {number}"),
         };
         f.write_str(name)
+    }
+}
+
+/// The operating mode of an arm, numbered like `robot_mode` of RTDE.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RobotMode(pub i32);
+
+impl RobotMode {
+    /// The arm is on, and its brakes are released.
+    pub const RUNNING: RobotMode = RobotMode(7);
+
+    /// Descriptions by number, starting from -1.
+    const DESCRIPTIONS: [&str; 10] = [
+        "without a controller",
+        "disconnected from its controller",
+        "waiting for its safety to be confirmed",
+        "booting",
+        "switched off",
+        "switched on, but not started",
+        "idle with its brakes on",
+        "in backdrive mode",
+        "running",
+        "updating its firmware",
+    ];
+}
+
+/// Completes the sentence "the arm is ...".
+impl fmt::Display for RobotMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let index = usize::try_from(i64::from(self.0) + 1).ok();
+        match index.and_then(|index| Self::DESCRIPTIONS.get(index)) {
+            Some(description) => f.write_str(description),
+            None => write!(f, "in mode {}", self.0),
+        }
     }
 }

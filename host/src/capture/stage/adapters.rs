@@ -1,6 +1,8 @@
-//! A stage that moves along other axes than its own.
+//! Stages made from others: of any kind, or along other axes.
 
 use multiscopic_core::capture::{Position, Stage};
+
+use super::error::StageError;
 
 /// A stage whose positions are turned about its centre, so that a camera that is mounted at an angle moves along its own rows and
 /// columns.
@@ -44,21 +46,57 @@ impl<S: Stage> Stage for TurnedStage<S> {
     }
 }
 
+/// A stage of any kind.
+pub struct AnyStage(Box<dyn Stage<Error = StageError> + Send>);
+
+impl AnyStage {
+    /// Boxes a stage.
+    pub fn new(stage: impl Stage<Error = StageError> + Send + 'static) -> AnyStage {
+        AnyStage(Box::new(stage))
+    }
+}
+
+impl Stage for AnyStage {
+    type Error = StageError;
+
+    fn move_to(&mut self, position: Position) -> Result<(), StageError> {
+        self.0.move_to(position)
+    }
+
+    fn has_arrived(&mut self) -> Result<bool, StageError> {
+        self.0.has_arrived()
+    }
+
+    fn position(&mut self) -> Result<Option<Position>, StageError> {
+        self.0.position()
+    }
+
+    fn stop(&mut self) -> Result<(), StageError> {
+        self.0.stop()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::stage::{Limits, SimulatedStage, StageImperfections};
+    use crate::capture::{
+        Clock,
+        clock::SteppedClock,
+        stage::{Limits, SimulatedStage, StageImperfections},
+    };
+    use std::time::Duration;
 
     #[test]
     fn positions_are_turned_there_and_back() {
         let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
-        let stage = SimulatedStage::new(&limits, StageImperfections::default()).unwrap();
+        let clock = SteppedClock::new();
+        let stage = SimulatedStage::with_clock(&limits, StageImperfections::default(), clock.clone()).unwrap();
         let place = stage.place();
         let mut stage = TurnedStage::new(stage, 30.0_f64.to_radians());
         let right = Position { x_um: 2000, y_um: 0 };
         stage.move_to(right).unwrap();
         while !stage.has_arrived().unwrap() {
-            std::thread::sleep(std::time::Duration::from_millis(1));
+            clock.sleep(Duration::from_millis(1));
         }
         assert_eq!(place.get().position_mm, [1.732, 1.0]);
         assert_eq!(stage.position().unwrap(), Some(right));

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use multiscopic::target::reception;
+use multiscopic::{files::Limits, target::reception};
 // Without libFuzzer, it has the entry point.
 use multiscopic_fuzz as _;
 
@@ -31,8 +31,8 @@ fn append(contents: &[u8], packets: &mut Vec<u8>) {
 
 fuzz_target!(|bytes: &[u8]| {
     let path = Path::new("packets");
-    let _ = reception::receive(bytes, path, |_| ());
+    let _ = reception::receive(bytes, path, Limits::DEFAULT, |_| ());
     let mut packets = Vec::new();
     bytes.split(|&byte| byte == SEPARATOR).for_each(|contents| append(contents, &mut packets));
-    let _ = reception::receive(&packets[..], path, |_| ());
+    let _ = reception::receive(&packets[..], path, Limits::DEFAULT, |_| ());
 });

@@ -6,7 +6,9 @@ use multiscopic::{Frames, Result, images::BitDepth, lens::LensFile};
 use multiscopic_core::{Frame, View};
 use pyo3::{prelude::*, types::PyDict};
 
-use crate::{arrays, capture::Capture, exceptions::exception, interruption, known_camera::KnownCamera, options::Options};
+use crate::{
+    arrays, capture::Capture, exceptions::exception, files::limits, interruption, known_camera::KnownCamera, options::Options,
+};
 
 /// A captured folder: images and the rig.toml that describes them.
 ///
@@ -23,9 +25,9 @@ impl Rig {
     /// Reads the images, whose samples of 16 bits have this depth or that of the rig.
     fn capture(&self, depth: Option<BitDepth>) -> Result<Capture> {
         let mut images = self.rig.images.within(&self.directory);
-        images.bits = depth.map_or_else(|| images.depth(), |depth| Ok(Some(depth)))?;
+        images.bits = depth.map_or_else(|| images.depth(limits()), |depth| Ok(Some(depth)))?;
         let mut pictures = Vec::new();
-        let (frames, _) = Frames::load_each(&images, |picture| {
+        let (frames, _) = Frames::load_each(&images, limits(), |picture| {
             pictures.push(picture.clone());
             Ok(None)
         })?;

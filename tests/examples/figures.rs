@@ -9,7 +9,7 @@ use std::{
 };
 
 use image::{DynamicImage, RgbImage, RgbaImage};
-use multiscopic::{DisparityMap, FloatImage, report::montage};
+use multiscopic::{DisparityMap, FloatImage, images::montage};
 use multiscopic_tests::program::Invocation;
 
 /// The greatest width of a picture in a row.

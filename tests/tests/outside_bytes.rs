@@ -12,7 +12,10 @@ use std::{
 
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
 use multiscopic::{
-    CameraModel, DisparityMap, FloatImage, Picture, Rig, capture::Imperfections, files::FrameFiles, lens::Mount,
+    CameraModel, DisparityMap, FloatImage, Picture, Rig,
+    capture::Imperfections,
+    files::{FrameFiles, Limits},
+    lens::Mount,
     target::reception,
 };
 use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
@@ -163,9 +166,9 @@ fn pictures() {
     ];
     survive("pictures", &[&others[..], &jpegs().map(|(_, jpeg)| jpeg)].concat(), with_checksums, |path| {
         let _ = Picture::read(path);
-        let _ = Picture::brightest(&[path]);
+        let _ = Picture::brightest(&[path], Limits::DEFAULT);
         let _ = FloatImage::read_pfm(path);
-        let _ = DisparityMap::read_prior(path, [13, 9]);
+        let _ = DisparityMap::read_prior(path, [13, 9], Limits::DEFAULT);
     });
 }
 
@@ -372,7 +375,7 @@ fn packets() {
         &valid,
         |_| (),
         |path| {
-            let _ = reception::receive(&fs::read(path).expect("a file")[..], path, |_| ());
+            let _ = reception::receive(&fs::read(path).expect("a file")[..], path, Limits::DEFAULT, |_| ());
         },
     );
 }

@@ -9,16 +9,14 @@ mod jpeg_markers;
 mod jpeg_scans;
 pub(crate) mod npy;
 pub mod output;
-mod panics;
 pub mod pfm;
 mod picture_files;
 pub mod ply;
-mod png_chunks;
 mod rig_file;
 #[cfg(feature = "mcap")]
 pub mod ros;
 pub(crate) mod toml_file;
-mod truncation;
 
 pub use frame_files::FrameFiles;
+pub use input::Limits;
 pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};

@@ -12,6 +12,14 @@ use super::{
 };
 
 /// The disparity of every pixel; `None` marks an invalid one.
+///
+/// ```
+/// use multiscopic::{DisparityMap, FloatImage};
+/// let map = DisparityMap::from_float(&FloatImage::new(3, 1, vec![1.5, f32::INFINITY, 60.0]));
+/// assert_eq!(map.get(1, 0), None);
+/// assert_eq!(map.range(), Some(1.5..=60.0));
+/// assert_eq!(map.to_float().pixels(), [1.5, f32::INFINITY, 60.0]);
+/// ```
 pub type DisparityMap = Raster<Option<Disparity>>;
 
 impl DisparityMap {
@@ -43,7 +51,7 @@ impl DisparityMap {
     }
 
     /// The shares of the valid pixels whose disparity is the first and the last of a range, to the nearest pixel.
-    pub fn shares_at_ends(&self, range: RangeInclusive<i16>) -> [f64; 2] {
+    pub(crate) fn shares_at_ends(&self, range: RangeInclusive<i16>) -> [f64; 2] {
         let valid: Vec<f32> = self.pixels().iter().flatten().map(|&d| f32::from(d).round()).collect();
         let share = |end: i16| valid.iter().filter(|d| **d == f32::from(end)).count() as f64 / valid.len().max(1) as f64;
         [share(*range.start()), share(*range.end())]
@@ -56,7 +64,7 @@ impl DisparityMap {
     }
 
     /// The whole pixels that include the [`range`](DisparityMap::range), or `None` if all pixels are invalid.
-    pub fn whole_range(&self) -> Option<RangeInclusive<i16>> {
+    pub(crate) fn whole_range(&self) -> Option<RangeInclusive<i16>> {
         let range = self.range()?;
         Some(range.start().floor() as i16..=range.end().ceil() as i16)
     }
@@ -64,7 +72,7 @@ impl DisparityMap {
     /// The noise of the disparities in pixels: the standard deviation of their errors on smooth surfaces, estimated without
     /// the truth. `None` if too few pixels are valid.
     ///
-    /// Where a surface is smooth, a disparity is the mean of those `spacing` pixels to both sides, apart from noise. With a
+    /// On a smooth surface, a disparity is the mean of those `spacing` pixels to both sides, apart from noise. With a
     /// spacing of at least the block, the three have noise of their own, and the difference has sqrt(3/2) times
     /// the noise. The larger half of the differences does not count: edges, curved surfaces and mismatches are among them.
     pub fn noise(&self, spacing: usize) -> Option<f64> {

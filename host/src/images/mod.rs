@@ -9,9 +9,9 @@ mod geometry;
 mod image_region;
 mod interpolated;
 mod layout;
+pub mod montage;
 mod picture;
 mod raster;
-mod resampled;
 mod sampled_displacements;
 
 pub use bit_depth::BitDepth;

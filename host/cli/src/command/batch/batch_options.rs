@@ -18,7 +18,7 @@ use super::{
     run_settings::RunSettings,
     shard::Shard,
 };
-use crate::command::terminal;
+use crate::command::{advice, terminal};
 
 /// The most names in a summary.
 const MOST_NAMES: usize = 5;
@@ -89,7 +89,7 @@ impl Batch<'_> {
                 Ok(true) => skipped += 1,
                 Ok(false) => done += 1,
                 Err(error) => {
-                    terminal::complain(&format!("{item}: {error}"));
+                    terminal::complain(&format!("{item}: {}", advice::error(&error)));
                     failed.push(item.as_str());
                 }
             }

@@ -10,9 +10,7 @@ use std::{path::PathBuf, process::ExitCode};
 use clap::{Args, value_parser};
 use multiscopic::{
     Frames, Method, Result,
-    evaluation::{Record, results},
     images::Layout,
-    report::{ViewedMap, ViewedScene},
     scene::{PinholeCamera, Scene, Shot, render_views},
 };
 use multiscopic_core::{Params, Search, Views};
@@ -25,6 +23,10 @@ use super::{
     terminal,
     variant::{Measured, Subject, Variant},
     view::matched_map,
+};
+use crate::{
+    report::{ViewedMap, ViewedScene},
+    results::{self, Record},
 };
 
 /// Renders views of a scene with known depth, matches and evaluates them, and writes pictures and a page with the results

@@ -1,9 +1,9 @@
 //! The result of a variant.
 
-use multiscopic::{DisparityMap, Method, evaluation::Record, stereo::confidence_map::ConfidenceMap};
+use multiscopic::{DisparityMap, Method, stereo::confidence_map::ConfidenceMap};
 use multiscopic_core::Search;
 
-use crate::command::variant::Variant;
+use crate::{command::variant::Variant, results::Record};
 
 /// What a variant estimated, and how accurate it is.
 pub struct Outcome {

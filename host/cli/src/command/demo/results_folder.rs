@@ -13,17 +13,20 @@ use multiscopic::{
         input, output,
         ply::{self, Encoding},
     },
-    report::{
-        contact_sheet::{self, PictureColumn},
-        error_map, montage,
-    },
+    images::montage,
     scene::{PinholeCamera, Shot},
     stereo::MethodName,
 };
 use multiscopic_core::{Frame, View, Views};
 
 use super::{outcome::Outcome, variants};
-use crate::command::{charts::Errors, scene::rendered_capture, variant::Variant};
+use crate::{
+    command::{charts::Errors, scene::rendered_capture, variant::Variant},
+    report::{
+        contact_sheet::{self, PictureColumn},
+        error_map,
+    },
+};
 
 /// The frames, with their captions.
 pub fn frames(views: Views) -> Vec<(Frame, String)> {

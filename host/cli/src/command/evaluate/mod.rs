@@ -14,12 +14,7 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{
-    Dataset, Error, Result,
-    evaluation::{Record, results},
-    files::output,
-    report::Report,
-};
+use multiscopic::{Dataset, Error, Result, files::output};
 use serde::Serialize;
 
 pub use self::scene_record::SceneRecord;
@@ -29,6 +24,10 @@ use super::{
     options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, SearchOptions, named, output_file},
     preparation::PreparationOptions,
     terminal,
+};
+use crate::{
+    report::Report,
+    results::{self, Record},
 };
 
 /// What the scenes of a page take at most, unless their disparities alone take more.

@@ -1,10 +1,9 @@
 //! What was measured on a scene, as its record has it.
 
-use multiscopic::{
-    Metrics,
-    evaluation::{ConfidenceMetrics, Record},
-};
+use multiscopic::{Metrics, evaluation::ConfidenceMetrics};
 use serde::{Deserialize, Serialize};
+
+use crate::results::Record;
 
 /// A result of a variant. In its parts, since `serde_json` does not read real numbers that are flattened if anything in the
 /// program turns on its arbitrary precision.

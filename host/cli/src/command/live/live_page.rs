@@ -1,13 +1,13 @@
 //! The page of `tune` and `live`.
 
-use multiscopic::{
-    Processor,
-    report::{LivePanel, Report},
-};
+use multiscopic::Processor;
 use serde_json::json;
 
 use super::tuning::Workbench;
-use crate::command::{options::Named, view::command_line};
+use crate::{
+    command::{options::Named, view::command_line},
+    report::{LivePanel, Report},
+};
 
 const STYLE: &str = include_str!("page/panel.css");
 const CAMERA: &str = include_str!("page/camera.html");

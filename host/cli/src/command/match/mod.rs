@@ -11,25 +11,22 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{
-    DisparityMap, Engine, Error, Result,
-    evaluation::ground_truth,
-    files::output,
-    report::{Report, ViewedMap, ViewedScene},
-    stereo::network::Inputs,
-};
+use multiscopic::{DisparityMap, Engine, Error, Result, evaluation::ground_truth, files::output, stereo::network::Inputs};
 use multiscopic_core::Frame;
 use outputs::Outputs;
 
 pub use self::summary::Summary;
 use super::{
+    advice,
     batch::{BatchOptions, RunSettings},
+    limits::limits,
     options::{EngineOptions, GeometryOptions, MatchingOptions, Source, SourceOptions, say_if_much},
     preparation::{PreparationOptions, mask_unseen},
     scene::rendered_capture::truth_file,
     terminal::{self, Watch},
     view,
 };
+use crate::report::{Report, ViewedMap, ViewedScene};
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -125,7 +122,7 @@ impl Match {
         let truth = self.truth_file(&source);
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).chain(truth.as_deref()).collect();
         output::check(&outputs.paths(), &inputs)?;
-        let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
+        let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size(), limits())).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
         let preparation =
@@ -162,7 +159,7 @@ impl Match {
 
         let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
         let report = outputs.report.as_ref().map(|page| -> Result<Report> {
-            let truth = truth.map(|path| ground_truth::read_pfm(&path, size, &source.images.center)).transpose()?;
+            let truth = truth.map(|path| ground_truth::read_pfm(&path, size, &source.images.center, limits())).transpose()?;
             let truth = truth.map(|truth| preparation.truth(truth));
             let title = source.folder().map_or_else(|| "Disparities".into(), view::title);
             let mut scene = ViewedScene::new(&*title, size)
@@ -185,7 +182,7 @@ impl Match {
                 _ => Ok(()),
             }
         })?;
-        let warnings = preparation.warnings(&disparities, &search);
+        let warnings = advice::warnings(&preparation, &disparities, &search);
         let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
         Ok((summary, disparities))
     }

@@ -5,13 +5,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use multiscopic::{Error, Result, evaluation::text_table};
+use multiscopic::{Error, Result};
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::command::{
-    batch::{Fingerprint, ItemRecord, OutputRecord, RunFile, names},
-    r#match::Summary,
-    terminal,
+use crate::{
+    command::{
+        batch::{Fingerprint, ItemRecord, OutputRecord, RunFile, names},
+        r#match::Summary,
+        terminal,
+    },
+    results::text_table,
 };
 
 /// The records of all items of a run, in their order.

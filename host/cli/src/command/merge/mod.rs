@@ -5,7 +5,7 @@ mod merged_records;
 use std::{collections::BTreeSet, path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use multiscopic::{Result, evaluation::Record, files::output};
+use multiscopic::{Result, files::output};
 
 use self::merged_records::{MergedRecords, MergedRig, mixed};
 use super::{
@@ -14,6 +14,7 @@ use super::{
     r#match::Summary,
     terminal,
 };
+use crate::results::Record;
 
 /// Joins the results of several machines, and prints the table that one machine would print
 ///

@@ -6,7 +6,7 @@ use clap::Args;
 use multiscopic::{Picture, Result, images::BitDepth};
 
 use super::{Named, named};
-use crate::command::terminal;
+use crate::command::{limits::limits, terminal};
 
 /// How many bits of 16-bit images carry values.
 #[derive(Clone, Debug, Default, Args)]
@@ -24,7 +24,7 @@ impl BitsOption {
         if let Some(depth) = self.bits.or(known) {
             return Ok(Some(depth));
         }
-        let Some(brightest) = Picture::brightest(paths)? else { return Ok(None) };
+        let Some(brightest) = Picture::brightest(paths, limits())? else { return Ok(None) };
         let depth = BitDepth::of_brightest(brightest);
         if depth != BitDepth::Sixteen {
             let (bits, white) = (depth.bits(), depth.white());

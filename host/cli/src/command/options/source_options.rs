@@ -14,6 +14,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, ParseViewError, View, Views};
 
 use super::BitsOption;
+use crate::command::limits::limits;
 
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
@@ -96,7 +97,7 @@ impl Source {
     pub fn load(&mut self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
         self.images.bits = self.bits.depth(self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
         let mut undistortion = None;
-        let (frames, center) = Frames::load_each(&self.images, |picture| {
+        let (frames, center) = Frames::load_each(&self.images, limits(), |picture| {
             let (width, height) = picture.dimensions();
             if let (None, Some(lens)) = (&undistortion, &self.lens) {
                 undistortion = Some(lens.undistortion([width as usize, height as usize])?);
@@ -114,7 +115,7 @@ impl Source {
     ) -> impl Iterator<Item = multiscopic::Result<(Frame, Picture)>> + 'a {
         let frames = [Frame::Center].into_iter().chain(self.images.views().iter().map(Frame::View));
         frames.filter_map(|frame| Some((frame, self.images.get(frame)?))).map(move |(frame, path)| {
-            let picture = Picture::read_with_depth(path, self.images.bits)?;
+            let picture = Picture::read_within(path, self.images.bits, limits())?;
             Ok((frame, alignment.rectified(frame, picture, undistortion)))
         })
     }

@@ -4,12 +4,14 @@ use std::env;
 
 use multiscopic::{
     DisparityMap, Method,
-    report::{BlockCosts, ViewedMap},
     stereo::{CostFunction, LongBaselines, Optimizer, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::Search;
 
-use crate::command::options::SearchOptions;
+use crate::{
+    command::options::SearchOptions,
+    report::{BlockCosts, ViewedMap},
+};
 
 /// A map that was matched, in a number of seconds if they were measured.
 pub fn matched_map<'a>(

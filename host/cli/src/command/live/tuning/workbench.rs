@@ -25,6 +25,7 @@ use super::{
     tuned_rig::{TunedMatch, TunedRig},
 };
 use crate::command::{
+    advice,
     budget::{Prediction, TargetOptions},
     live::notice_board::{NoticeBoard, Subject},
     options::Named,
@@ -152,7 +153,7 @@ impl Workbench {
                 && let Err(error) = self.match_once(&rig, &wish, seen)
             {
                 let settings = &wish.settings;
-                self.board.put(Subject::Result, json!({ "settings": settings, "failure": error.to_string() }));
+                self.board.put(Subject::Result, json!({ "settings": settings, "failure": advice::error(&error) }));
             }
         }
     }

@@ -25,7 +25,7 @@ impl SlopeRows<'_> {
     /// Larger differences say no more.
     const MOST: u8 = 40;
 
-    /// How much brighter the pixel after is than that before.
+    /// Returns the brightness of the pixel after less that of the pixel before.
     fn slope(&self, frame: Frame, (u, v): (usize, usize)) -> i32 {
         let image = self.frames.get(frame).expect("the frames have every view of the search");
         let at = |u: usize| i32::from(image.get_pixel(u.min(self.search.width() - 1) as u32, v as u32).0[0]);

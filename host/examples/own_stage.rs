@@ -36,7 +36,7 @@ struct Slide {
     from: Position,
     to: Position,
     departure: Instant,
-    /// Where the camera is, which sees by it.
+    /// The place of the camera, which sees by it.
     place: Arc<Mutex<Position>>,
 }
 
@@ -53,7 +53,7 @@ impl fmt::Display for TooFar {
 impl std::error::Error for TooFar {}
 
 impl Slide {
-    /// Where it is by now, and whether that is where it was sent.
+    /// Returns the place at which it is by now, and true if that is where it was sent.
     fn update(&mut self) -> (Position, bool) {
         let way = [self.to.x_um - self.from.x_um, self.to.y_um - self.from.y_um].map(f64::from);
         let whole = way[0].hypot(way[1]) / 200_000.0;

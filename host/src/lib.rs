@@ -1,10 +1,26 @@
 //! Accurate depth from one camera that is moved on purpose: capture, matching, evaluation, and budgets for microcontrollers.
 //!
-//! The rooms of this crate, in the order in which data flows through them. A room knows those above it, and none below:
+//! Two pictures become disparities, the second of which was taken one baseline to the right:
 //!
-//! | room | what it is |
+//! ```no_run
+//! use multiscopic::{Engine, Frames, Method, files::{FrameFiles, write_pfm}};
+//! use multiscopic_core::{Fusion, SearchConfig, View};
+//!
+//! let files = FrameFiles { center: "center.png".into(), ..FrameFiles::default() }.with(View::RIGHT, "right.png".into());
+//! let (frames, _) = Frames::load(&files)?;
+//! let [width, height] = frames.size().map(|side| side as u16);
+//! // Disparities from 1 to 60 pixels.
+//! let search = SearchConfig { views: frames.views(), fusion: Fusion::Min, ..SearchConfig::of_size(width, height) }.checked()?;
+//! let disparities = Method::net().disparities(&Engine::new(None, 0)?, &frames, &search, &())?;
+//! write_pfm(&disparities.to_float(), "disparity.pfm".as_ref())?;
+//! # Ok::<(), multiscopic::Error>(())
+//! ```
+//!
+//! The modules of this crate, in the order in which data flows through them. A module knows those above it, and none below:
+//!
+//! | module | what it is |
 //! | --- | --- |
-//! | [`error`], [`progress`] | what every room reports: errors that name the file, and how far long work has come |
+//! | [`error`], [`progress`] | what every module reports: errors that name the file, and how far long work has come |
 //! | `memory_limit` | [`memory_limit()`]: the memory that may be taken, by default what the machine leaves |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
@@ -16,7 +32,6 @@
 //! | [`alignment`] | how far the views are from where they should be, estimated and taken out |
 //! | `preparation` | [`Preparation`]: what is done to frames before they are matched, and the warnings after it |
 //! | [`evaluation`] | data sets with ground truth, error metrics, those of walls and repeated captures, and the tables made of them |
-//! | [`report`] | HTML pages, error maps and montages |
 //! | [`target`] | microcontrollers: memory and time budgets, the firmware's pipeline simulated, its packets received |
 
 pub mod alignment;
@@ -35,7 +50,6 @@ pub mod progress {
 
     pub use multiscopic_engine::Progress;
 }
-pub mod report;
 #[cfg(feature = "scene")]
 pub mod scene;
 pub mod stereo;

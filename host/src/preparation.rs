@@ -1,25 +1,25 @@
-//! What comes between reading frames and matching them, and the warnings after it.
+//! The work between reading frames and matching them, and the warnings after it.
 
 use multiscopic_core::{Frame, Search};
 
 use crate::{
     alignment::{Alignment, Inspection},
-    error::Result,
+    error::{Result, Warning},
     images::{DisparityMap, FloatImage, Frames, Geometry, ImageRegion},
     stereo::Method,
 };
 
 /// The least share of pixels at an end of the range that is a pile.
 const MIN_PILE: f64 = 0.02;
-/// How many times the mean share of a disparity a pile has.
+/// The share of a pile, in multiples of the mean share of a disparity.
 const PILE: f64 = 3.0;
 
-/// What is known of frames before they are matched.
+/// Frames' properties before they are matched: what the images show, how they were rectified, and the range to search.
 #[derive(Clone, Debug)]
 pub struct Preparation {
-    /// What the prepared images tell.
+    /// The inspection of the prepared images.
     pub inspection: Inspection,
-    /// What rectified them, if that was asked for.
+    /// The alignment that rectified them, if that was asked for.
     pub alignment: Option<Alignment>,
     /// The smallest disparity and the number of disparities, unless options override them.
     pub range: (i16, u16),
@@ -32,7 +32,7 @@ impl Preparation {
     /// range is the one that the images show if `auto_range` is set, and else [that of the paper](Method::DEFAULT_RANGE).
     ///
     /// # Errors
-    /// Those of `search`, and [`Error::Usage`](crate::Error::Usage) if the images do not show a range.
+    /// Those of `search`, and [`Error::UnknownRange`](crate::Error::UnknownRange) if the images do not show a range.
     pub fn new(frames: &Frames, auto_range: bool, search: impl Fn((i16, u16)) -> Result<Search>) -> Result<Preparation> {
         let inspection = Inspection::of(frames);
         let range = range(&inspection, auto_range)?;
@@ -72,8 +72,8 @@ impl Preparation {
         }
     }
 
-    /// What the images and the disparities that a `search` found in them give reason to doubt.
-    pub fn warnings(&self, disparities: &DisparityMap, search: &Search) -> Vec<String> {
+    /// Returns the reasons to doubt the images, or the disparities that a `search` found in them.
+    pub fn warnings(&self, disparities: &DisparityMap, search: &Search) -> Vec<Warning> {
         let Preparation { inspection, alignment, .. } = self;
         // Swapped views explain disparities at the end of the range.
         let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
@@ -81,7 +81,7 @@ impl Preparation {
             true => None,
             // In a range of a few disparities none stands out, and in one that is far off all are mismatches.
             false => cut_range(disparities, search, inspection.flat)
-                .or_else(|| inspection.beyond_line(search.min_disparity()..=search.max_disparity())),
+                .or_else(|| inspection.beyond(search.min_disparity()..=search.max_disparity())),
         };
         let of_alignment = alignment.as_ref().and_then(Alignment::warning);
         inspection.warnings(search.min_disparity()).into_iter().chain(of_alignment).chain(cut).collect()
@@ -93,22 +93,20 @@ fn range(inspection: &Inspection, auto_range: bool) -> Result<(i16, u16)> {
     if auto_range { inspection.found_range() } else { Ok(Method::DEFAULT_RANGE) }
 }
 
-/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on
+/// Warns if disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on
 /// the share `flat` of the centre, any of them may win.
-fn cut_range(disparities: &DisparityMap, search: &Search, flat: f64) -> Option<String> {
+fn cut_range(disparities: &DisparityMap, search: &Search, flat: f64) -> Option<Warning> {
     let (first, last, count) = (search.min_disparity(), search.max_disparity(), search.num_disparities());
     let [at_first, at_last] = disparities.shares_at_ends(first..=last);
     let limit = f64::max(MIN_PILE, PILE / count as f64) + flat;
     // Points at infinity are no sign of a range that is cut.
-    let (share, end, option) = if at_last > limit {
-        (at_last, last, format!("--num-disparities above {count}"))
+    if at_last > limit {
+        Some(Warning::PileAtLast { share: at_last, last, num_disparities: count as u16 })
     } else if at_first > limit && first != 0 {
-        (at_first, first, format!("--min-disparity below {first}"))
+        Some(Warning::PileAtFirst { share: at_first, first })
     } else {
-        return None;
-    };
-    let percent = 100.0 * share;
-    Some(format!("{percent:.0} % of the disparities are {end}, an end of the range: give {option}, or --auto-range"))
+        None
+    }
 }
 
 /// The true disparities where a homography takes the pixels of another picture: those of the nearest pixels.

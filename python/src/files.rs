@@ -1,8 +1,11 @@
 //! Reading and writing the program's files.
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    sync::atomic::{AtomicU64, Ordering},
+};
 
-use multiscopic::{DisparityMap, Picture, images::BitDepth};
+use multiscopic::{DisparityMap, Picture, files::Limits, images::BitDepth};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 
@@ -10,6 +13,14 @@ use crate::{
     arrays::{self, FloatArray, ImageArray},
     interpreter::exception,
 };
+
+/// The most pixels of what this process reads, as Python has set them.
+static MAX_PIXELS: AtomicU64 = AtomicU64::new(Limits::DEFAULT.max_pixels);
+
+/// The limits of what this process reads.
+pub fn limits() -> Limits {
+    Limits { max_pixels: MAX_PIXELS.load(Ordering::Relaxed) }
+}
 
 /// Reads an image as the program does: PNG, PGM, PPM or JPEG, turned as its EXIF orientation says, in 8 bits.
 ///
@@ -24,7 +35,7 @@ use crate::{
 ///     ValueError: it is not an image.
 #[pyfunction]
 pub fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
-    arrays::image_array(py, py.detach(|| Picture::read(&path)).map_err(exception)?.into_8_bits())
+    arrays::image_array(py, py.detach(|| Picture::read_within(&path, None, limits())).map_err(exception)?.into_8_bits())
 }
 
 /// Changes the most pixels of the images and maps that are read, 67,108,864 at first. Files that claim more are refused before
@@ -34,7 +45,7 @@ pub fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
 ///     pixels: the most pixels.
 #[pyfunction]
 pub fn set_max_pixels(pixels: u64) {
-    Picture::set_max_pixels(pixels);
+    MAX_PIXELS.store(pixels, Ordering::Relaxed);
 }
 
 /// Writes an image as PNG. Any previous version of the file is replaced as a whole.
@@ -66,7 +77,7 @@ pub fn write_png(py: Python<'_>, path: PathBuf, image: ImageArray<'_>) -> PyResu
 ///     ValueError: it is not a PFM file, or is damaged.
 #[pyfunction]
 pub fn read_pfm(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyArray2<f32>>> {
-    arrays::float_map(py, py.detach(|| multiscopic::files::read_pfm(&path)).map_err(exception)?)
+    arrays::float_map(py, py.detach(|| multiscopic::files::read_pfm_within(&path, limits())).map_err(exception)?)
 }
 
 /// Writes a PFM file with one channel. Any previous version of the file is replaced as a whole.

@@ -9,6 +9,7 @@ use pyo3::{prelude::*, types::PyDict};
 use crate::{
     arrays,
     capture::Capture,
+    files::limits,
     interpreter::{self, exception},
     match_result::KnownCamera,
     options::Options,
@@ -29,9 +30,9 @@ impl Rig {
     /// Reads the images, whose samples of 16 bits have this depth or that of the rig.
     fn capture(&self, depth: Option<BitDepth>) -> Result<Capture> {
         let mut images = self.rig.images.within(&self.directory);
-        images.bits = depth.map_or_else(|| images.depth(), |depth| Ok(Some(depth)))?;
+        images.bits = depth.map_or_else(|| images.depth(limits()), |depth| Ok(Some(depth)))?;
         let mut pictures = Vec::new();
-        let (frames, _) = Frames::load_each(&images, |picture| {
+        let (frames, _) = Frames::load_each(&images, limits(), |picture| {
             pictures.push(picture.clone());
             Ok(None)
         })?;

@@ -185,6 +185,9 @@ pub fn inspect<'py>(
     let capture = Capture::of_arrays(&center, named, &views.unwrap_or_default(), bits.map(|Bits(depth)| depth))?;
     interpreter::run(py, |_| {
         let inspection = Inspection::of(&capture.frames());
-        Ok((inspection.found_range().ok(), inspection.warnings(Method::DEFAULT_RANGE.0)))
+        Ok((
+            inspection.found_range().ok(),
+            inspection.warnings(Method::DEFAULT_RANGE.0).iter().map(ToString::to_string).collect(),
+        ))
     })
 }

@@ -9,7 +9,10 @@ use std::{
 };
 
 use image::{DynamicImage, RgbImage, RgbaImage};
-use multiscopic::{DisparityMap, images::turbo, report::montage};
+use multiscopic::{
+    DisparityMap,
+    images::{montage, turbo},
+};
 use multiscopic_tests::program::Invocation;
 
 /// The greatest width of a picture in a row.

@@ -11,7 +11,13 @@ use std::{
 };
 
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
-use multiscopic::{CameraModel, Picture, Rig, capture::Imperfections, files::FrameFiles, lens::Mount, target::reception};
+use multiscopic::{
+    CameraModel, Picture, Rig,
+    capture::Imperfections,
+    files::{FrameFiles, Limits},
+    lens::Mount,
+    target::reception,
+};
 use multiscopic_core::{Disparity, Fusion, Region, SearchConfig, Views};
 use multiscopic_edge::packet::{Sender, buffer_bytes_with_confidences};
 use multiscopic_tests::{program, split_mix::Random, test_images::golden};
@@ -160,9 +166,9 @@ fn pictures() {
     ];
     survive("pictures", &[&others[..], &jpegs().map(|(_, jpeg)| jpeg)].concat(), with_checksums, |path| {
         let _ = Picture::read(path);
-        let _ = Picture::brightest(&[path]);
+        let _ = Picture::brightest(&[path], Limits::DEFAULT);
         let _ = multiscopic::files::read_pfm(path);
-        let _ = multiscopic::files::read_prior(path, [13, 9]);
+        let _ = multiscopic::files::read_prior(path, [13, 9], Limits::DEFAULT);
     });
 }
 
@@ -376,7 +382,7 @@ fn packets() {
         &valid,
         |_| (),
         |path| {
-            let _ = reception::receive(&fs::read(path).expect("a file")[..], path, |_| ());
+            let _ = reception::receive(&fs::read(path).expect("a file")[..], path, Limits::DEFAULT, |_| ());
         },
     );
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use multiscopic::target::reception;
+use multiscopic::{files::Limits, target::reception};
 
 /// The separator of the packets of an input. It is rare in them.
 const SEPARATOR: u8 = 0xA5;
@@ -27,9 +27,9 @@ fn append(contents: &[u8], packets: &mut Vec<u8>) {
 /// Tries an input.
 pub fn run(bytes: &[u8]) -> bool {
     let path = Path::new("packets");
-    let _ = reception::receive(bytes, path, |_| ());
+    let _ = reception::receive(bytes, path, Limits::DEFAULT, |_| ());
     let mut packets = Vec::new();
     bytes.split(|&byte| byte == SEPARATOR).for_each(|contents| append(contents, &mut packets));
-    let _ = reception::receive(&packets[..], path, |_| ());
+    let _ = reception::receive(&packets[..], path, Limits::DEFAULT, |_| ());
     true
 }

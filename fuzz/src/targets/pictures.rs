@@ -2,7 +2,7 @@
 
 use multiscopic::{
     Picture,
-    files::{read_pfm, read_prior},
+    files::{Limits, read_pfm, read_prior},
 };
 
 use crate::support::file;
@@ -11,8 +11,8 @@ use crate::support::file;
 pub fn run(bytes: &[u8]) -> bool {
     let path = file("picture", bytes);
     let _ = Picture::read(&path);
-    let _ = Picture::brightest(&[&path]);
+    let _ = Picture::brightest(&[&path], Limits::DEFAULT);
     let _ = read_pfm(&path);
-    let _ = read_prior(&path, [13, 9]);
+    let _ = read_prior(&path, [13, 9], Limits::DEFAULT);
     true
 }

@@ -1,6 +1,8 @@
 //! The command line.
 
 mod command;
+mod report;
+mod results;
 #[cfg(test)]
 mod tally;
 
@@ -11,7 +13,7 @@ use command::{
     batch::RunSettings,
     terminal::{self, examples},
 };
-use multiscopic::images::Picture;
+use multiscopic::files::Limits;
 
 /// Accurate depth from one camera moved on purpose.
 #[derive(Debug, Parser)]
@@ -26,7 +28,7 @@ struct Cli {
 
     /// Most pixels of a picture: files that claim more are refused before memory is taken for them
     #[arg(long, value_name = "N", global = true, hide_short_help = true)]
-    #[arg(default_value_t = Picture::MAX_PIXELS, value_parser = value_parser!(u64).range(1..))]
+    #[arg(default_value_t = Limits::DEFAULT.max_pixels, value_parser = value_parser!(u64).range(1..))]
     max_pixels: u64,
 }
 
@@ -79,7 +81,7 @@ fn main() -> ExitCode {
         terminal::complain(&error.to_string());
         return ExitCode::from(2);
     }
-    Picture::set_max_pixels(cli.max_pixels);
+    command::limits::set(Limits { max_pixels: cli.max_pixels });
     if cli.quiet {
         terminal::be_quiet();
     }
@@ -110,7 +112,7 @@ fn main() -> ExitCode {
         Command::Man(command) => command.run(self::program()),
     };
     done.unwrap_or_else(|error| {
-        terminal::complain(&error.to_string());
+        terminal::complain(&command::advice::error(&error));
         ExitCode::from(2)
     })
 }

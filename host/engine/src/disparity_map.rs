@@ -7,6 +7,14 @@ use multiscopic_core::Disparity;
 use crate::raster::{FloatImage, Raster};
 
 /// The disparity of every pixel; `None` marks an invalid one.
+///
+/// ```
+/// use multiscopic_engine::{DisparityMap, FloatImage};
+/// let map = DisparityMap::from_float(&FloatImage::new(3, 1, vec![1.5, f32::INFINITY, 60.0]));
+/// assert_eq!(map.get(1, 0), None);
+/// assert_eq!(map.range(), Some(1.5..=60.0));
+/// assert_eq!(map.to_float().pixels(), [1.5, f32::INFINITY, 60.0]);
+/// ```
 pub type DisparityMap = Raster<Option<Disparity>>;
 
 impl DisparityMap {
@@ -54,7 +62,7 @@ impl DisparityMap {
     /// The noise of the disparities in pixels: the standard deviation of their errors on smooth surfaces, estimated without
     /// the truth. `None` if too few pixels are valid.
     ///
-    /// Where a surface is smooth, a disparity is the mean of those `spacing` pixels to both sides, apart from noise. With a
+    /// On a smooth surface, a disparity is the mean of those `spacing` pixels to both sides, apart from noise. With a
     /// spacing of at least the block, the three have noise of their own, and the difference has sqrt(3/2) times
     /// the noise. The larger half of the differences does not count: edges, curved surfaces and mismatches are among them.
     pub fn noise(&self, spacing: usize) -> Option<f64> {

@@ -5,7 +5,7 @@
 //! programs use the crate `multiscopic`, which reads pictures, puts methods together and re-exports what is here.
 //!
 //! ```
-//! use multiscopic_core::{Frame, Fusion, Params, View, Views};
+//! use multiscopic_core::{Fusion, SearchConfig, View, Views};
 //! use multiscopic_engine::{Engine, Planes};
 //!
 //! // A scene of random texture, two pixels further to the left in the right view.
@@ -15,7 +15,8 @@
 //! let (center, right) = (image(0), image(2));
 //! let frames = Planes::new([width, height], &center).with(View::RIGHT, &right);
 //!
-//! let params = Params::new(64, 32, Views::STEREO, Fusion::Min, 0, 8, 5)?;
+//! let params = SearchConfig { width: 64, height: 32, views: Views::STEREO, fusion: Fusion::Min, min_disparity: 0, num_disparities: 8 }
+//!     .block_matching(5)?;
 //! let map = Engine::default().disparities(&frames, &params, &|| ())?;
 //! assert_eq!(map.get(40, 16).map(f32::from), Some(2.0));
 //! # Ok::<(), multiscopic_engine::EngineError>(())

@@ -1,4 +1,4 @@
-//! How long-running work reports its progress, and how it is interrupted.
+//! Progress reports of long-running work, and its interruption.
 
 /// Receives reports from long-running work, on any thread. By default every method does nothing.
 pub trait Progress: Sync {
@@ -11,8 +11,8 @@ pub trait Progress: Sync {
     /// A message about the current state.
     fn say(&self, _message: &str) {}
 
-    /// Whether the work should stop early. Graph cuts then return the best labelling so far; all other methods leave pixels that
-    /// they have not come to without a disparity.
+    /// Returns true if the work should stop early. Graph cuts then return the best labelling so far; all other methods leave
+    /// pixels that they have not come to without a disparity.
     fn is_interrupted(&self) -> bool {
         false
     }

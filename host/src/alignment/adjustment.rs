@@ -1,4 +1,21 @@
 //! Bundle adjustment: the models of all views and the disparities of all corners that explain the matches best.
+//!
+//! ```text
+//! unknowns: seven parameters of each view (rotation, scale, position) and one disparity of each corner
+//! start at the nominal views, and at the mean of each corner's disparities
+//! repeat until the cost settles (Levenberg and Marquardt):
+//!     weigh each residual down that is large beside the noise (Cauchy)
+//!     linearise: each match gives two equations in its view's parameters and its corner's disparity
+//!     eliminate the disparities, each of which stands in the equations of its corner alone (Schur complement)
+//!     add the priors of the views' parameters, of the mean baseline and of the turn that all views share
+//!     solve for the views by Cholesky's method, then for each disparity
+//!     keep the step and damp less if it lowers the cost; else damp more
+//!     lower the noise to the median residual, at most by half, so that all matches count at first
+//! ```
+//!
+//! All disparities plus a constant and a turn of all views towards their baselines look alike but for the perspective at the
+//! borders, and so does a lens that distorts. So [`adjust`] solves with that turn fixed and with it free, and believes in it
+//! only if the views' own turns make it likely, or if it explains much more than no turn and more than any lens.
 
 use multiscopic_core::View;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
@@ -18,18 +35,19 @@ const PRIOR_OF_STAGE: [f64; LEN] = [2e-4, 2e-4, 2e-4, 1e-6, 0.2, 0.2, 0.2];
 const MAX_ITERATIONS: usize = 200;
 /// Residuals above this multiple of their scale lose weight (Cauchy).
 const CAUCHY: f64 = 2.0;
-/// The standard deviation of the mean length of the baselines, in nominal ones. Longer baselines and smaller disparities explain
-/// the matches just as well, so this holds it.
+/// The standard deviation of the mean length of the baselines, in nominal ones. Longer baselines and smaller disparities
+/// explain the matches just as well, so this holds it.
 const LENGTH_DEVIATION: f64 = 1e-6;
-/// How many times the spread of the views' turns towards their baselines the turn that they share may be to be believed.
+/// The largest credible turn that the views share, in multiples of the spread of their turns towards their baselines.
 const LIKELY: f64 = 2.0;
-/// How much less the matches' error has to be for the turn to be believed in any case.
+/// The factor by which the matches' error must fall for the turn to be believed in any case.
 const CLEAR_GAIN: f64 = 0.8;
-/// How much less it has to be for a lens to be suspected.
+/// The factor by which it must fall for a lens to be suspected.
 const NOTICEABLE_GAIN: f64 = 0.95;
 /// A turn that is not free, in radians.
 const FIXED: f64 = 1e-7;
-/// Distortions that may explain the matches instead: the displacement at a focal length from the optical axis, in focal lengths.
+/// Distortions that may explain the matches instead: the displacement at a focal length from the optical axis, in focal
+/// lengths.
 const DISTORTIONS: [f64; 8] = [-0.4, -0.25, -0.15, -0.08, -0.04, 0.04, 0.08, 0.15];
 
 /// A corner of the centre and where the views show it, all in focal lengths from the optical axis.
@@ -70,8 +88,8 @@ pub struct Adjustment {
 
 /// Adjusts the models of `views`.
 ///
-/// If all views are turned towards their baselines alike, all disparities change by the same amount, and nothing else does
-/// but the perspective at the borders, which a lens distorts alike. Such a turn is believed if the views are turned towards their
+/// If all views are turned towards their baselines alike, all disparities change by the same amount, and nothing else does but
+/// the perspective at the borders, which a lens distorts alike. Such a turn is believed if the views are turned towards their
 /// baselines by different angles as well, or if it explains the matches far better than none and better than a lens.
 ///
 /// A pixel has `pixel` focal lengths.
@@ -122,7 +140,7 @@ fn shared_turn(views: &[View], models: &[ViewModel]) -> f64 {
     shares_of_turn(views, models).sum()
 }
 
-/// What each view adds to the turn that all share.
+/// The contribution of each view to the turn that all share.
 fn shares_of_turn(views: &[View], models: &[ViewModel]) -> impl Iterator<Item = f64> {
     models.iter().zip(views).map(|(model, &view)| {
         let [x, y] = shared_weights(views, view);

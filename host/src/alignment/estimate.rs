@@ -1,4 +1,15 @@
 //! The alignment of all views of a capture.
+//!
+//! ```text
+//! matches = the corners of the centre found in each view, of which those are kept that agree
+//! rough   = bundle adjustment of the matches
+//! matches = the corners found again in each view as rectified by its rough model, which is more precise
+//! model   = bundle adjustment of these
+//! common  = the rotation that puts all positions on the image's rows and columns, as far as the nearest point shows it
+//! homography of the centre = the common rotation
+//! homography of a view     = its own rotation and scale besides, and the image of the plane through the scene as its wrong
+//!                            position shows it, since the depth of other points cannot be taken out of one image
+//! ```
 
 use std::{collections::BTreeMap, f64::consts::SQRT_2};
 
@@ -7,18 +18,14 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::{
     adjustment::{Adjustment, Point, adjust},
-    consensus::keep_consensus,
-    corners::corners,
-    direction::Direction,
-    epipolar_error::EpipolarError,
     homography::{Map, Pinhole, common_rotation, common_rotation_with_deviation},
     inspection::{Inspection, suspicion},
     pyramid::{Pyramid, RADIUS},
-    tracking::{Match, find, find_again},
-    view_model::ViewModel,
+    tracking::{Match, corners, find, find_again, keep_consensus},
+    view_model::{Direction, EpipolarError, ViewModel},
 };
 use crate::{
-    error::{Error, Result},
+    error::{AlignmentError, Error, Result, Warning},
     files::{AlignmentRecord, Residual},
     images::{Frames, Geometry, Picture},
     lens::Undistortion,
@@ -38,7 +45,20 @@ const MIN_TURN_AWAY: f64 = 0.005;
 /// errors of the lens.
 const MIN_EFFECT_PX: f64 = 0.25;
 
-/// How far each view of a capture is from where it should be, and how all of them are rectified.
+/// The misalignment of each view of a capture, and the rectification of all of them.
+///
+/// ```no_run
+/// use multiscopic::{Alignment, Frames, Rig};
+/// use multiscopic_core::{Fusion, SearchConfig};
+/// # let folder = std::path::Path::new("rig");
+/// let rig = Rig::load(folder)?;
+/// let (frames, _) = Frames::load(&rig.images.within(folder))?;
+/// let [width, height] = frames.size().map(|side| side as u16);
+/// let search = SearchConfig { views: frames.views(), fusion: Fusion::Min, ..SearchConfig::of_size(width, height) }.checked()?;
+/// let alignment = Alignment::estimate(&frames, &search, rig.geometry(frames.size()).as_ref())?;
+/// let rectified = alignment.compensate(&frames);
+/// # Ok::<(), multiscopic::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Alignment {
     views: BTreeMap<View, (Residual, Matrix3<f64>)>,
@@ -62,7 +82,7 @@ impl Alignment {
     /// Checks that the alignment of these frames does not take more than `most_bytes`, if that is limited.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) with what it takes and what there is.
+    /// [`Error::Memory`](crate::Error::Memory) with what it takes and what there is.
     pub fn check_memory(frames: &Frames, most_bytes: Option<u64>) -> Result<()> {
         Error::check_memory("aligning", Alignment::bytes(frames), most_bytes, "align smaller images")
     }
@@ -72,8 +92,8 @@ impl Alignment {
     /// less precisely.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if a view has too few corners in common with the centre, or seems to be another
-    /// one.
+    /// [`Error::Alignment`](crate::Error::Alignment) if a view has too few corners in common with the centre, or seems to be
+    /// another one.
     pub fn estimate(frames: &Frames, search: &Search, geometry: Option<&Geometry>) -> Result<Alignment> {
         let size = frames.size();
         let source = geometry.map_or_else(
@@ -97,16 +117,13 @@ impl Alignment {
             if count < MIN_POINTS {
                 let usual = "check that it is sharp and shows the scene of the centre, and the range of disparities";
                 let hint = suspicion(center.0, neighbor, view).unwrap_or(usual);
-                return Err(Error::Usage(format!(
-                    "the {view} view has {count} textured blocks in common with the centre, and alignment needs {MIN_POINTS}: {hint}"
-                )));
+                return Err(AlignmentError::FewBlocks { view, count, needed: MIN_POINTS, hint }.into());
             }
             matches.push(found);
         }
         let pixel = 1.0 / source.focal_px;
-        let undetermined = || Error::Usage("the images do not determine how the views are aligned".into());
         let rough_points = points(&source, &corners, &matches);
-        let rough = adjust(&views, &rough_points, pixel).ok_or_else(undetermined)?;
+        let rough = adjust(&views, &rough_points, pixel).ok_or(AlignmentError::Undetermined)?;
         // Turned and scaled like the centre, views show corners more precisely.
         for (k, (&view, found)) in views.iter().zip(&mut matches).enumerate() {
             let model = rough.models[k];
@@ -121,7 +138,7 @@ impl Alignment {
             *found = find_again([center.0, neighbor], &corners, view, &expected, |pixel| map.at(pixel));
         }
         let points = points(&source, &corners, &matches);
-        let adjustment = adjust(&views, &points, pixel).ok_or_else(undetermined)?;
+        let adjustment = adjust(&views, &points, pixel).ok_or(AlignmentError::Undetermined)?;
         let nominal = |view: View| Vector3::new(view.right().into(), view.down().into(), 0.0);
         let positions: Vec<_> =
             adjustment.models.iter().zip(&views).map(|(model, &view)| (model.position, nominal(view))).collect();
@@ -162,8 +179,8 @@ impl Alignment {
         Ok(alignment)
     }
 
-    /// What the `rectified` frames tell, given what the others did. Views that looked swapped are, unless they are turned away
-    /// from their baselines.
+    /// Inspects the `rectified` frames, given the inspection of the others. Views that looked swapped are, unless they are
+    /// turned away from their baselines.
     pub fn inspect(&self, before: &Inspection, rectified: &Frames) -> Inspection {
         let least = MIN_TURN_AWAY * rectified.width().max(rectified.height()) as f64;
         let is_turned_away = |view: &View| {
@@ -178,11 +195,9 @@ impl Alignment {
         Inspection { swapped: before.swapped.clone(), ..inspection }
     }
 
-    /// What a user should know: the images look as if the lens distorted them.
-    pub fn warning(&self) -> Option<String> {
-        let message = "all views look turned towards their baselines alike, as by a lens that distorts or a wrong focal length: calibrate \
-                       the lens (multiscopic calibrate lens)";
-        self.looks_distorted.then(|| message.into())
+    /// Warns if the images look as if the lens distorted them.
+    pub fn warning(&self) -> Option<Warning> {
+        self.looks_distorted.then_some(Warning::Distorted)
     }
 
     /// The epipolar errors of a view's matches, for the homography of its rays.
@@ -258,7 +273,7 @@ impl Alignment {
         self.errors.get(&view).map_or(&[], Vec::as_slice)
     }
 
-    /// What was found, for the `rig.toml` of the rectified images.
+    /// Returns the findings, for the `rig.toml` of the rectified images.
     pub fn record(&self) -> AlignmentRecord {
         AlignmentRecord {
             common_rotation_deg: self.common_rotation_deg(),
@@ -278,7 +293,8 @@ impl Alignment {
         self.common.scaled_axis().map(f64::to_degrees).into()
     }
 
-    /// Where the optical axis of the rectified frames meets them, given the point where it meets the images.
+    /// Returns the pixel at which the optical axis of the rectified frames meets them, given the point where it meets the
+    /// images.
     pub fn principal_point(&self, [cx, cy]: [f64; 2]) -> [f64; 2] {
         let [[from_x, from_y], [to_x, to_y]] = [self.source, self.target].map(|camera| camera.principal_point);
         [cx + to_x - from_x, cy + to_y - from_y]
@@ -290,7 +306,7 @@ impl Alignment {
         self.map(frame).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |map| map.homography())
     }
 
-    /// How a frame is resampled.
+    /// The map by which a frame is resampled.
     fn map(&self, frame: Frame) -> Option<Map> {
         let matrix = match frame {
             Frame::Center => Matrix3::identity(),
@@ -299,8 +315,8 @@ impl Alignment {
         Some(Map { source: self.source, rectified: self.target, matrix: matrix * self.common.inverse() })
     }
 
-    /// The frames, rectified and with their brightness corrected. Where views are off their places, they show what is on a plane
-    /// through the scene as if they were not; what is before or behind it stays off in proportion.
+    /// The frames, rectified and with their brightness corrected. Where views are off their places, they show what is on a
+    /// plane through the scene as if they were not; what is before or behind it stays off in proportion.
     pub fn compensate(&self, frames: &Frames) -> Frames {
         let rectified = |frame| {
             let picture = match (frames.color(frame), frames.get(frame)) {
@@ -313,8 +329,8 @@ impl Alignment {
         frames.views().iter().fold(center, |frames, view| frames.with_picture(view, rectified(Frame::View(view))))
     }
 
-    /// The picture of a frame, rectified and with its brightness corrected. If a lens distorts it, this takes out the distortion
-    /// as well, without resampling twice; the alignment is then that of undistorted frames.
+    /// The picture of a frame, rectified and with its brightness corrected. If a lens distorts it, this takes out the
+    /// distortion as well, without resampling twice; the alignment is then that of undistorted frames.
     pub fn rectified(&self, frame: Frame, picture: Picture, undistortion: Option<&Undistortion>) -> Picture {
         let gain = match frame {
             Frame::Center => 1.0,

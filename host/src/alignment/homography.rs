@@ -100,7 +100,7 @@ impl Map {
         self.source.pixel([seen.x / seen.z, seen.y / seen.z])
     }
 
-    /// Whether the image is left as it is.
+    /// Returns true if the image is left as it is.
     pub fn is_negligible(&self, [width, height]: [usize; 2]) -> bool {
         let [right, bottom] = [width, height].map(|side| side as f64 - 1.0);
         [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]].into_iter().all(|corner| {

@@ -1,4 +1,19 @@
-//! What images tell before they are matched: the range of their disparities, views that look swapped, and missing texture.
+//! Inspection of images before they are matched: the range of their disparities, views that look swapped, and missing texture.
+//!
+//! ```text
+//! shrink all images to 200 pixels on the longer side
+//! for each of about 400 corners of the centre, in each view:
+//!     correlate the corner's patch with every place along the baseline, to both sides and one pixel off it
+//!     d[view] = the best place, if it correlates well, and clearly better than every place that is not next to it
+//! swapped = the views in which most of these d are on the wrong side
+//! agreed  = the corners whose d are nearly the same in two views, or known in the only one: their median d
+//! range   = the agreed d without 1 % at each end, widened by a tenth; from 0 on unless some are clearly negative
+//! blurred = the frames with far less energy in differences of neighbours than the median frame, at the same variance
+//! flat    = the share of the centre's patches with a small deviation
+//! ```
+//!
+//! The small images make the exhaustive search cheap and blur away noise; the price is an error of some pixels of the full
+//! image ([`Inspection::corner_error`]), which the margin of the range covers.
 
 use std::ops::RangeInclusive;
 
@@ -7,11 +22,11 @@ use multiscopic_core::{Frame, View};
 use rayon::prelude::*;
 
 use super::{
-    corners::corners,
     pyramid::{Level, RADIUS},
+    tracking::corners,
 };
 use crate::{
-    error::{Error, Result},
+    error::{Error, Result, Warning},
     images::Frames,
 };
 
@@ -19,23 +34,23 @@ use crate::{
 const SIDE: u32 = 200;
 /// The approximate number of corners.
 const CORNERS: usize = 400;
-/// How far matches are searched to both sides, as a share of the image's side along the baseline.
+/// The distance to which matches are searched to both sides, as a share of the image's side along the baseline.
 const REACH: f64 = 0.4;
-/// How far they may lie off the baseline, in pixels of the small images.
+/// The distance at which they may lie off the baseline, in pixels of the small images.
 const ACROSS: isize = 1;
 /// The least correlation of a corner with its match.
 const MIN_CORRELATION: f32 = 0.85;
-/// How much the match correlates better than any other place.
+/// The lead of a match: its correlation less that of any other place.
 const MIN_LEAD: f32 = 0.03;
 /// Places this near to a match are not others, in pixels of the small images.
 const NEAR: isize = 2;
-/// How much the disparities of a corner in its views may differ, in pixels of the small images.
+/// The most by which the disparities of a corner in its views may differ, in pixels of the small images.
 const MAX_SPREAD: f64 = 1.5;
 /// The least number of corners from which anything is concluded.
 const MIN_POINTS: usize = 20;
 /// The share of corners at each end of the range that are taken for mismatches.
 const OUTLIERS: f64 = 0.01;
-/// How much wider than that of the corners the range is, as a share: smaller things may be nearer.
+/// The share by which the range is wider than that of the corners: smaller things may be nearer.
 const WIDENED: f64 = 0.1;
 /// The share of corners with disparities beyond a range from which on it looks too narrow.
 const MAX_BEYOND: f64 = 0.2;
@@ -51,11 +66,11 @@ const MAX_FLAT: f64 = 0.3;
 
 /// The share of the others' sharpness below which an image is blurred.
 const MIN_SHARPNESS: f64 = 0.15;
-/// How many times as many corners an image must have in common with the centre once it is turned round, to be the wrong way
-/// round.
+/// The factor by which the corners in common with the centre must grow once an image is turned round, for it to be the wrong
+/// way round.
 const MUCH_BETTER: usize = 4;
 
-/// What the images of a capture tell.
+/// The properties of a capture's images that are seen before matching.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspection {
     /// The smallest disparity and the number of disparities, in pixels of the unit baseline. `None` if too few corners are
@@ -64,92 +79,61 @@ pub struct Inspection {
     /// The disparities of the corners that are found again, in pixels of the unit baseline, in ascending order.
     pub corners: Vec<f64>,
     /// By how much these may be off.
-    pub corner_error: f64,
+    pub(crate) corner_error: f64,
     /// Views that show the scene moved the wrong way.
-    pub swapped: Vec<View>,
+    pub(crate) swapped: Vec<View>,
     /// Frames whose edges are much softer than those of most others.
     pub blurred: Vec<Frame>,
     /// Views that are the same image as the centre, pixel by pixel.
     pub copies: Vec<View>,
     /// The share of the centre without texture.
-    pub flat: f64,
+    pub(crate) flat: f64,
 }
 
 impl Inspection {
-    /// The range of disparities.
+    /// Returns the range of disparities: the smallest one and their number.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if the images do not show it.
+    /// [`Error::UnknownRange`](crate::Error::UnknownRange) if the images do not show it.
     pub fn found_range(&self) -> Result<(i16, u16)> {
-        self.range.ok_or_else(|| {
-            Error::Usage(
-                "too few corners of the centre are found in the other views to know the range of disparities: give \
-                 --min-disparity and --num-disparities"
-                    .into(),
-            )
-        })
+        self.range.ok_or(Error::UnknownRange)
     }
 
-    /// The range of disparities in a line, with the options of `multiscopic match`.
-    pub fn range_line(&self) -> Option<String> {
+    /// Returns the disparities that the images show, in pixels of the unit baseline. `None` if too few corners are found again.
+    pub fn shown_range(&self) -> Option<RangeInclusive<i16>> {
         let (min, count) = self.range?;
-        let max = i32::from(min) + i32::from(count) - 1;
-        Some(format!("disparities from {min} to {max}: --min-disparity {min} --num-disparities {count}"))
+        Some(min..=(i32::from(min) + i32::from(count) - 1) as i16)
     }
 
-    /// Tells if many corners have disparities beyond a search range, and which range has them.
-    pub fn beyond_line(&self, range: RangeInclusive<i16>) -> Option<String> {
-        let found = self.range_line()?;
-        let (first, last) = range.into_inner();
-        let covered = f64::from(first) - self.corner_error..=f64::from(last) + self.corner_error;
+    /// Warns if many corners have disparities beyond a search range.
+    pub(crate) fn beyond(&self, searched: RangeInclusive<i16>) -> Option<Warning> {
+        let shown = self.shown_range()?;
+        let covered = f64::from(*searched.start()) - self.corner_error..=f64::from(*searched.end()) + self.corner_error;
         let beyond = self.corners.iter().filter(|disparity| !covered.contains(*disparity)).count();
-        let percent = 100.0 * beyond as f64 / self.corners.len() as f64;
-        (percent > 100.0 * MAX_BEYOND).then(|| {
-            format!(
-                "{percent:.0} % of the corners lie beyond the range {first}..={last}: the images show {found}, or --auto-range"
-            )
-        })
+        let share = beyond as f64 / self.corners.len() as f64;
+        (share > MAX_BEYOND).then_some(Warning::BeyondRange { share, searched, shown })
     }
 
-    /// Which views look swapped, for a search range from `min_disparity` on; in a range with negative disparities none does.
-    fn swapped_line(&self, min_disparity: i16) -> Option<String> {
-        if min_disparity < 0 || self.swapped.is_empty() {
-            return None;
-        }
-        let names: Vec<String> = self.swapped.iter().map(View::to_string).collect();
-        let (noun, look) = if names.len() == 1 { ("view", "looks") } else { ("views", "look") };
-        Some(format!(
-            "the {} {noun} {look} swapped with the opposite side, or the images mirrored: the scene moves the wrong way",
-            names.join(" and ")
-        ))
+    /// Warns of views that look swapped, for a search range from `min_disparity` on; in a range with negative disparities none
+    /// does.
+    fn swapped_warning(&self, min_disparity: i16) -> Option<Warning> {
+        (min_disparity >= 0 && !self.swapped.is_empty()).then(|| Warning::Swapped(self.swapped.clone()))
     }
 
     /// Refuses views that look swapped, for a search range from `min_disparity` on.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage), with the views.
+    /// [`Error::Refused`](crate::Error::Refused), with the views.
     pub fn refuse_swapped(&self, min_disparity: i16) -> Result<()> {
-        self.swapped_line(min_disparity).map_or(Ok(()), |line| Err(Error::Usage(line)))
+        self.swapped_warning(min_disparity).map_or(Ok(()), |warning| Err(Error::Refused(warning)))
     }
 
-    /// What a user should know before matching in a search range from `min_disparity` on.
-    pub fn warnings(&self, min_disparity: i16) -> Vec<String> {
-        let mut warnings: Vec<String> = self.swapped_line(min_disparity).into_iter().collect();
-        for frame in &self.blurred {
-            warnings.push(format!(
-                "the {frame} image is blurred beside the others: keep the camera still while it takes it, and the focus fixed"
-            ));
-        }
-        for view in &self.copies {
-            warnings.push(format!("the {view} view is the same image as the centre: check the files, and that the camera moves"));
-        }
-        if self.flat > MAX_FLAT {
-            warnings.push(format!(
-                "{:.0} % of the centre has no texture, and disparities there are unreliable: add light, or project a pattern",
-                100.0 * self.flat
-            ));
-        }
-        warnings
+    /// Returns the warnings before matching in a search range from `min_disparity` on.
+    pub fn warnings(&self, min_disparity: i16) -> Vec<Warning> {
+        let blurred = self.blurred.iter().map(|&frame| Warning::Blurred(frame));
+        let copies = self.copies.iter().map(|&view| Warning::Copy(view));
+        let flat = (self.flat > MAX_FLAT).then_some(Warning::Flat { share: self.flat });
+        self.swapped_warning(min_disparity).into_iter().chain(blurred).chain(copies).chain(flat).collect()
     }
 
     /// Inspects `frames`, at a smaller size.
@@ -193,7 +177,7 @@ impl Inspection {
     }
 }
 
-/// What may be wrong with the image of a view in which few corners of the centre are found.
+/// Guesses what is wrong with the image of a view in which few corners of the centre are found.
 pub(super) fn suspicion(center: &GrayImage, neighbor: &GrayImage, view: View) -> Option<&'static str> {
     if sharpness(neighbor) < MIN_SHARPNESS * sharpness(center) {
         return Some("it is blurred: keep the camera still while it takes it, and the focus fixed");
@@ -333,13 +317,13 @@ mod tests {
     fn blurred_images_and_copies_of_the_centre_are_warned_of() {
         let frames = |left: GrayImage| Frames::new(pattern(0.0, 1)).with(View::RIGHT, pattern(6.0, 2)).with(View::LEFT, left);
         let of = |left: GrayImage| Inspection::of(&frames(left));
-        assert_eq!(of(pattern(-6.0, 3)).warnings(1), Vec::<String>::new());
+        assert_eq!(of(pattern(-6.0, 3)).warnings(1), []);
         let blurred = of(imageops::blur(&pattern(-6.0, 3), 4.0));
         assert_eq!((&blurred.blurred, &blurred.copies), (&vec![Frame::View(View::LEFT)], &Vec::new()));
-        assert!(blurred.warnings(1)[0].contains("the left image is blurred"), "{:?}", blurred.warnings(1));
+        assert_eq!(blurred.warnings(1), [Warning::Blurred(Frame::View(View::LEFT))]);
         let copy = of(pattern(0.0, 1));
         assert_eq!((&copy.blurred, &copy.copies), (&Vec::new(), &vec![View::LEFT]));
-        assert!(copy.warnings(1)[0].contains("the left view is the same image as the centre"), "{:?}", copy.warnings(1));
+        assert_eq!(copy.warnings(1), [Warning::Copy(View::LEFT)]);
         // Darker, with less contrast, it is as sharp.
         let left = pattern(-6.0, 3);
         let dark = GrayImage::from_fn(160, 120, |u, v| Luma([left.get_pixel(u, v).0[0] / 4]));

@@ -11,24 +11,16 @@
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | `direction` | the directions along and across a baseline |
-//! | `corners` | points of the centre that can be found again |
 //! | `pyramid` | an image at descending sizes |
-//! | `tracking` | finding corners in a view |
-//! | `consensus` | the matches that agree with each other |
-//! | `view_model` | where a view stands and how it is turned |
+//! | `tracking` | corners of the centre, found in a view, and the matches that agree with each other |
+//! | `view_model` | the places and the rotations of views, the errors of their matches: [`EpipolarError`] |
 //! | `adjustment` | bundle adjustment |
 //! | `homography` | the common rotation, and the homographies of the frames |
-//! | `epipolar_error` | the errors of matches: [`EpipolarError`] |
-//! | `mounting` | how a camera is turned against the stage that moves it: [`Mounting`] |
-//! | `inspection` | what the images tell before they are matched: [`Inspection`] |
+//! | `mounting` | the rotation of a camera against the stage that moves it: [`Mounting`] |
+//! | `inspection` | the properties of images before they are matched: [`Inspection`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
 
 mod adjustment;
-mod consensus;
-mod corners;
-mod direction;
-mod epipolar_error;
 mod estimate;
 mod homography;
 mod inspection;
@@ -37,9 +29,8 @@ mod pyramid;
 mod tracking;
 mod view_model;
 
-pub(crate) use direction::Direction;
-pub use epipolar_error::EpipolarError;
 pub use estimate::Alignment;
 pub(crate) use estimate::median;
 pub use inspection::Inspection;
 pub use mounting::Mounting;
+pub use view_model::{EpipolarError, across};

@@ -1,20 +1,18 @@
-//! How a camera is mounted on its stage, from what it sees while the stage moves it.
+//! The mounting of a camera on its stage, from what it sees while the stage moves it.
 
 use multiscopic_core::{Frame, View};
 use nalgebra::Vector3;
 
 use super::{
     adjustment::adjust_moved,
-    consensus::keep_consensus,
-    corners::corners,
-    direction::Direction,
     estimate::{median, points},
     homography::{Pinhole, common_rotation_with_deviation},
     pyramid::{Pyramid, RADIUS},
-    tracking::{Match, find, find_again},
+    tracking::{Match, corners, find, find_again, keep_consensus},
+    view_model::Direction,
 };
 use crate::{
-    error::{Error, Result},
+    error::{MountingError, Result},
     images::{Frames, Geometry},
     lens::Mount,
 };
@@ -27,12 +25,12 @@ const MIN_POINTS: usize = 60;
 const MIN_PARALLAX_PX: f64 = 5.0;
 /// The largest standard deviation of an angle, in degrees.
 const MAX_DEVIATION_DEG: f64 = 0.25;
-/// What the middle of the image is, as a share of its width to each side.
+/// The extent of the image's middle, as a share of its width to each side.
 const MIDDLE: f64 = 0.1;
-/// How much the distances of points in the middle of the image may differ, as a share.
+/// The most by which the distances of points in the middle of the image may differ, as a share.
 const MAX_DEPTH_SPREAD: f64 = 0.05;
 
-/// How a camera is turned against the stage that moves it, and how far away the scene is.
+/// The rotation of a camera against the stage that moves it, and the distance of the scene.
 #[derive(Clone, Debug)]
 pub struct Mounting {
     /// The rotation from the stage's axes to the camera's: an axis, to the right, down and ahead, times an angle in degrees.
@@ -51,11 +49,11 @@ pub struct Mounting {
 }
 
 impl Mounting {
-    /// Estimates the mount from frames that were taken one and more steps to all sides. `geometry` has the step as its baseline.
-    /// The second and the first angle are in proportion to its focal length.
+    /// Estimates the mount from frames that were taken one and more steps to all sides. `geometry` has the step as its
+    /// baseline. The second and the first angle are in proportion to its focal length.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the images do not determine the mount: the message says what to change.
+    /// [`Error::Mounting`](crate::Error::Mounting) if the images do not determine the mount.
     pub fn estimate(frames: &Frames, geometry: &Geometry) -> Result<Mounting> {
         let (size, source) = (frames.size(), Pinhole { focal_px: geometry.focal_px, principal_point: geometry.principal_point });
         let center = frames.get(Frame::Center).expect("frames always have a centre");
@@ -82,22 +80,15 @@ impl Mounting {
             let parallaxes: Vec<f64> = corners.iter().zip(&found).filter_map(parallax).collect();
             let count = parallaxes.len();
             if count < MIN_POINTS {
-                return Err(Error::Usage(format!(
-                    "after the move to the {view} view, {count} textured blocks are found again, and {MIN_POINTS} are needed: let the \
-                     camera see a scene with texture everywhere, take a shorter --step, and check that the stage moves in the image plane"
-                )));
+                return Err(MountingError::FewBlocks { view, count, needed: MIN_POINTS }.into());
             }
             if median(parallaxes) < 0.0 {
-                return Err(Error::Usage(format!(
-                    "after the move to the {view} view, the scene has moved along with the camera: the stage moved the other way; \
-                     reverse its axis, or turn the camera"
-                )));
+                return Err(MountingError::Reversed { view }.into());
             }
             matches.push(found);
         }
         let points = points(&source, &corners, &matches);
-        let undetermined = || Error::Usage("the images do not determine how the camera moved".into());
-        let adjustment = adjust_moved(&views, &points, 1.0 / source.focal_px).ok_or_else(undetermined)?;
+        let adjustment = adjust_moved(&views, &points, 1.0 / source.focal_px).ok_or(MountingError::Undetermined)?;
         let nominal: Vec<Vector3<f64>> =
             views.iter().map(|view| Vector3::new(view.right().into(), view.down().into(), 0.0)).collect();
         // How long a step is in the adjustment's unit.
@@ -106,18 +97,12 @@ impl Mounting {
         let parallax = |disparity: &f64| disparity * unit * source.focal_px;
         let parallax_px = longest * median(adjustment.disparities.iter().map(parallax).collect());
         if parallax_px < MIN_PARALLAX_PX {
-            return Err(Error::Usage(format!(
-                "the longest moves shift the scene by {parallax_px:.1} pixels, and {MIN_PARALLAX_PX} are needed: take a longer --step, or \
-                 a nearer scene"
-            )));
+            return Err(MountingError::SmallParallax { parallax_px, needed_px: MIN_PARALLAX_PX }.into());
         }
         let (rotation_deg, deviation_deg) = common_rotation_with_deviation(&adjustment, &nominal);
         let worst = deviation_deg.into_iter().fold(0.0, f64::max);
         if worst.is_nan() || worst > MAX_DEVIATION_DEG {
-            return Err(Error::Usage(format!(
-                "the angles between camera and stage are uncertain by {worst:.2} degrees, and {MAX_DEVIATION_DEG} are allowed: take a \
-                 longer --step, a nearer scene with texture up to the borders of the image, or a stage that repeats its moves better"
-            )));
+            return Err(MountingError::Uncertain { deviation_deg: worst, allowed_deg: MAX_DEVIATION_DEG }.into());
         }
         let in_middle = |ray: [f64; 2]| ray.iter().all(|at| (at * source.focal_px).abs() < MIDDLE * size[0] as f64);
         let middle = points.iter().zip(&adjustment.disparities).filter(|(point, _)| in_middle(point.ray));
@@ -136,17 +121,13 @@ impl Mounting {
     /// the camera.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the points there are few or at different distances.
+    /// [`Error::Mounting`](crate::Error::Mounting) if the points there are few or at different distances.
     pub fn focal_px(&self, distance_mm: f64) -> Result<[f64; 2]> {
         let count = self.middle_px.len();
         let middle = median(self.middle_px.clone());
         let spread = 1.4826 * median(self.middle_px.iter().map(|parallax| (parallax / middle - 1.0).abs()).collect());
         if count < 10 || spread > MAX_DEPTH_SPREAD {
-            return Err(Error::Usage(format!(
-                "--distance is that of a flat target in the middle of the image, but {count} points there are at distances that differ by \
-                 {:.0} %: put a textured board there, or give --focal-px or --lens instead",
-                100.0 * if spread.is_nan() { 0.0 } else { spread }
-            )));
+            return Err(MountingError::NoFlatTarget { count, spread: if spread.is_nan() { 0.0 } else { spread } }.into());
         }
         let focal_px = middle * distance_mm / self.step_mm;
         Ok([focal_px, focal_px * spread / (count as f64).sqrt()])

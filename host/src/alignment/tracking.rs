@@ -1,4 +1,16 @@
 //! Finding the corners of the centre in a view.
+//!
+//! ```text
+//! corners:        in each cell of a grid, the pixel whose least gradient over all directions is greatest (Shi and Tomasi)
+//! find:           at the coarsest level of the pyramid, correlate the patch with every place in the range and its margin
+//!                 at each finer level, with the 6x6 places around twice the best
+//!                 refine the best below a pixel
+//! refine:         least squares over position, contrast and brightness (Lucas and Kanade), and over two slopes along the
+//!                 baseline if asked for; drop it if it moves more than two pixels or explains too little
+//! find again:     refine in the view as rectified by a rough model, from where that model expects the corner
+//! keep consensus: fit the offsets across the baseline by random samples (RANSAC), linear in place and parallax; drop the
+//!                 matches that are more than a pixel off
+//! ```
 
 use std::ops::RangeInclusive;
 
@@ -8,21 +20,21 @@ use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
 
 use super::{
-    direction::Direction,
     pyramid::{Pyramid, RADIUS},
+    view_model::Direction,
 };
 use crate::images::{InterpolatedImage, extended_pixel};
 
 /// The least correlation of a corner with its match.
 const MIN_CORRELATION: f32 = 0.8;
-/// How far a match is searched outside the range of disparities, as a share of the image's larger side: rotations of a
-/// degree and more shift a view by as much.
+/// The distance to which a match is searched outside the range of disparities, as a share of the image's larger side: rotations
+/// of a degree and more shift a view by as much.
 const MARGIN: f64 = 0.06;
 /// The maximum number of iterations of the refinement below a pixel.
 const MAX_ITERATIONS: usize = 15;
-/// How much a disparity may change from a pixel to the next.
+/// The most by which a disparity may change from a pixel to the next.
 const MAX_SLOPE: f64 = 0.7;
-/// How firmly it is held at no change: the variance of grey values, about 3 squared, over that of slopes, about 0.2 squared.
+/// The weight of no change: the variance of grey values, about 3 squared, over that of slopes, about 0.2 squared.
 const FLATNESS: f64 = 225.0;
 /// Pixels around a corner that are compared, to each side.
 const SIDE: isize = RADIUS as isize;
@@ -53,8 +65,8 @@ pub fn find(
     corners.par_iter().map(find).collect()
 }
 
-/// Finds `corners` of the centre in a view near the places where they are expected, which are given in a rectified view:
-/// `map` leads from there to the pixels of the view. Disparities may vary with the pixels around a corner, as those of a slanted
+/// Finds `corners` of the centre in a view near the places where they are expected, which are given in a rectified view: `map`
+/// leads from there to the pixels of the view. Disparities may vary with the pixels around a corner, as those of a slanted
 /// surface do.
 pub fn find_again(
     [center, neighbor]: [&GrayImage; 2],
@@ -169,4 +181,125 @@ fn refine(
         }
     }
     None
+}
+
+/// Pixels around a corner that its texture is measured in, to each side.
+const CORNER_RADIUS: usize = 4;
+/// The least root mean square gradient of a corner, in any direction, in grey values per pixel.
+const MIN_CONTRAST: f32 = 2.0;
+
+/// About `count` corners, spread over the image: in each cell of a grid the one whose least gradient, over all
+/// directions, is greatest (Shi and Tomasi, "Good features to track", 1994). None is closer to a border than `margin`.
+pub fn corners(image: &GrayImage, count: usize, margin: usize) -> Vec<[usize; 2]> {
+    let [width, height] = [image.width(), image.height()].map(|side| side as usize);
+    let margin = margin.max(CORNER_RADIUS + 1);
+    let (Some(inner_width), Some(inner_height)) = (width.checked_sub(2 * margin), height.checked_sub(2 * margin)) else {
+        return Vec::new();
+    };
+    let strength = strengths(image);
+    let cell = (inner_width * inner_height / count.max(1)).isqrt().max(4);
+    let mut corners = Vec::new();
+    for top in (margin..margin + inner_height).step_by(cell) {
+        for left in (margin..margin + inner_width).step_by(cell) {
+            let rows = top..(top + cell).min(margin + inner_height);
+            let columns = left..(left + cell).min(margin + inner_width);
+            let pixels = rows.flat_map(|v| columns.clone().map(move |u| [u, v]));
+            let best = pixels.max_by(|a, b| strength[a[1] * width + a[0]].total_cmp(&strength[b[1] * width + b[0]]));
+            corners.extend(best.filter(|[u, v]| strength[v * width + u] >= MIN_CONTRAST * MIN_CONTRAST));
+        }
+    }
+    corners
+}
+
+/// The lesser eigenvalue of the mean structure tensor around each pixel.
+fn strengths(image: &GrayImage) -> Vec<f32> {
+    let [width, height] = [image.width(), image.height()].map(|side| side as usize);
+    let at = |u, v| extended_pixel(image, u, v);
+    let mut tensors = [const { Vec::new() }; 3];
+    for (v, u) in (0..height as isize).flat_map(|v| (0..width as isize).map(move |u| (v, u))) {
+        let x = (at(u + 1, v) - at(u - 1, v)) as f32 / 2.0;
+        let y = (at(u, v + 1) - at(u, v - 1)) as f32 / 2.0;
+        tensors.iter_mut().zip([x * x, x * y, y * y]).for_each(|(tensor, product)| tensor.push(product));
+    }
+    let [xx, xy, yy] = tensors.map(|tensor| box_means(&tensor, width, height));
+    let lesser = |((a, b), c): ((&f32, &f32), &f32)| (a + c - ((a - c).powi(2) + 4.0 * b * b).sqrt()) / 2.0;
+    xx.iter().zip(&xy).zip(&yy).map(lesser).collect()
+}
+
+/// The means over the `2 CORNER_RADIUS + 1` pixels square around each pixel; wrong near the borders.
+fn box_means(values: &[f32], width: usize, height: usize) -> Vec<f32> {
+    let side = 2 * CORNER_RADIUS + 1;
+    let along = |values: &[f32], count: usize, stride: usize, start: usize, means: &mut [f32]| {
+        let at = |i: usize| f64::from(values[start + i * stride]);
+        let mut sum: f64 = (0..side.min(count)).map(at).sum();
+        for i in CORNER_RADIUS..count.saturating_sub(CORNER_RADIUS) {
+            means[start + i * stride] = (sum / side as f64) as f32;
+            if i + CORNER_RADIUS + 1 < count {
+                sum += at(i + CORNER_RADIUS + 1) - at(i - CORNER_RADIUS);
+            }
+        }
+    };
+    let (mut rows, mut means) = (vec![0.0; values.len()], vec![0.0; values.len()]);
+    (0..height).for_each(|v| along(values, width, 1, v * width, &mut rows));
+    (0..width).for_each(|u| along(&rows, height, width, u, &mut means));
+    means
+}
+
+/// The number of random samples.
+const SAMPLES: usize = 500;
+/// The largest distance of a match from where the others expect it, across the baseline, in pixels.
+const TOLERANCE: f64 = 1.0;
+
+/// Drops the matches that do not agree with most others (RANSAC: Fischler and Bolles, 1981): how far a view shows a corner
+/// across its baseline is nearly linear in the corner's coordinates and its parallax.
+pub fn keep_consensus(corners: &[[usize; 2]], matches: &mut [Option<Match>], direction: Direction, size: [usize; 2]) {
+    let half = size[0].max(size[1]) as f64 / 2.0;
+    let rows: Vec<(usize, [f64; 4], f64)> = corners
+        .iter()
+        .zip(&*matches)
+        .enumerate()
+        .filter_map(|(k, (corner, found))| {
+            let corner = corner.map(|at| at as f64);
+            let [du, dv] = [0, 1].map(|axis| found.as_ref().map(|found| found.at[axis] - corner[axis]));
+            let along = |[x, y]: [f64; 2]| Some(x * du? + y * dv?);
+            let [x, y] = [0, 1].map(|axis| (corner[axis] - size[axis] as f64 / 2.0) / half);
+            Some((k, [1.0, x, y, along(direction.along)? / half], along(direction.across)?))
+        })
+        .collect();
+    if rows.len() < 5 {
+        return;
+    }
+    let agrees = |model: &[f64; 4], row: &(usize, [f64; 4], f64)| {
+        let expected: f64 = model.iter().zip(row.1).map(|(a, b)| a * b).sum();
+        (row.2 - expected).abs() <= TOLERANCE
+    };
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut best = (0, [0.0; 4]);
+    for _ in 0..SAMPLES {
+        let sample: Vec<_> = (0..6).map(|_| &rows[random.usize(..rows.len())]).collect();
+        if let Some(model) = fit(sample.iter().map(|row| (row.1, row.2))) {
+            let support = rows.iter().filter(|row| agrees(&model, row)).count();
+            best = if support > best.0 { (support, model) } else { best };
+        }
+    }
+    for _ in 0..3 {
+        let model = best.1;
+        best.1 = fit(rows.iter().filter(|row| agrees(&model, row)).map(|row| (row.1, row.2))).unwrap_or(model);
+    }
+    for row in rows.iter().filter(|row| !agrees(&best.1, row)) {
+        matches[row.0] = None;
+    }
+}
+
+/// The least-squares solution of linear equations. Parallax hardly matters, so that its coefficient is drawn to 0 where the
+/// rows do not determine it.
+fn fit(rows: impl Iterator<Item = ([f64; 4], f64)>) -> Option<[f64; 4]> {
+    let mut matrix = nalgebra::Matrix4::from_diagonal(&nalgebra::Vector4::new(1e-9, 1e-9, 1e-9, 1e-3));
+    let mut right = nalgebra::Vector4::zeros();
+    for (row, value) in rows {
+        let row = nalgebra::Vector4::from(row);
+        matrix += row * row.transpose();
+        right += row * value;
+    }
+    Some(matrix.cholesky()?.solve(&right).into())
 }

@@ -1,8 +1,9 @@
-//! Where a view stands and how it is turned.
+//! The place and the rotation of a view, the directions of its baseline, and the epipolar errors of its matches.
 
+use multiscopic_core::View;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// What distinguishes a view from the centre. At its nominal values only the baseline does.
+/// The differences of a view from the centre. At the nominal values, the baseline is the only one.
 ///
 /// Rays are `[x, y, 1]` in the centre's camera: to the right, down and ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,7 +12,7 @@ pub struct ViewModel {
     pub rotation: Vector3<f64>,
     /// The natural logarithm of its scale, relative to the centre.
     pub log_scale: f64,
-    /// Where it was taken, in baselines.
+    /// The place where it was taken, in baselines.
     pub position: Vector3<f64>,
 }
 
@@ -34,7 +35,7 @@ impl ViewModel {
         ViewModel { rotation: Vector3::new(rx, ry, rz), log_scale, position: Vector3::new(px, py, pz) }
     }
 
-    /// How the view shows rays.
+    /// Returns the projection of rays into the view.
     pub fn projection(&self) -> Projection {
         let scale = self.log_scale.exp();
         let rotation = Rotation3::new(self.rotation);
@@ -42,7 +43,7 @@ impl ViewModel {
     }
 }
 
-/// How a view shows rays of the centre.
+/// The projection of the centre's rays into a view.
 #[derive(Clone, Copy, Debug)]
 pub struct Projection {
     matrix: Matrix3<f64>,
@@ -55,10 +56,68 @@ impl Projection {
         self.matrix
     }
 
-    /// Where the view shows a ray of the centre, in focal lengths from the optical axis, if the point is so far away that a
-    /// camera one baseline to the right shows it `disparity` focal lengths to the left.
+    /// Returns the place at which the view shows a ray of the centre, in focal lengths from the optical axis, if the point is
+    /// so far away that a camera one baseline to the right shows it `disparity` focal lengths to the left.
     pub fn project(&self, ray: Vector3<f64>, disparity: f64) -> [f64; 2] {
         let seen = self.matrix * (ray - disparity * self.position);
         [seen.x / seen.z, seen.y / seen.z]
+    }
+}
+
+/// Unit vectors along and across the baseline of a view, to the right and down. Opposite views share them: along points to
+/// the right, or down for views in the centre's column, and across points down, or to the right for those.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Direction {
+    pub along: [f64; 2],
+    pub across: [f64; 2],
+    /// The motion of a match along the baseline with each pixel of disparity.
+    pub step: f64,
+}
+
+impl Direction {
+    pub fn of(view: View) -> Direction {
+        let [x, y] = [view.right(), view.down()].map(f64::from);
+        let length = x.hypot(y);
+        let sign = if x < 0.0 || (x == 0.0 && y < 0.0) { -length } else { length };
+        let along @ [x, y] = [x / sign, y / sign];
+        let across = if x == 0.0 { [y, x] } else { [-y, x] };
+        Direction { along, across, step: -sign }
+    }
+}
+
+/// Returns the direction across the baseline of a view, in which a match is off its epipolar line: a unit vector to the right
+/// and down.
+pub fn across(view: View) -> [f64; 2] {
+    Direction::of(view).across
+}
+
+/// A corner of the centre, and the epipolar error of its match in a view, as Sampson (1982) measures it: see
+/// [`Residual::sampson_px`](crate::files::Residual::sampson_px).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EpipolarError {
+    /// The corner in the centre image, in pixels.
+    pub pixel: [f64; 2],
+    /// The error in the images, in pixels: above 0 if the match is too far to the right, for views in the centre's column, or
+    /// too far down, for others.
+    pub before_px: f64,
+    /// The same after rectification.
+    pub after_px: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn opposite_views_share_directions() {
+        let direction = |i, j| Direction::of(View::new(i, j).unwrap());
+        let (right, down) = ([1.0, 0.0], [0.0, 1.0]);
+        assert_eq!(direction(1, 0), Direction { along: right, across: down, step: -1.0 });
+        assert_eq!(direction(-4, 0), Direction { along: right, across: down, step: 4.0 });
+        assert_eq!(direction(0, -1), Direction { along: down, across: right, step: 1.0 });
+        assert_eq!(direction(0, 2), Direction { along: down, across: right, step: -2.0 });
+        assert_eq!(direction(3, 4), Direction { along: [0.6, 0.8], across: [-0.8, 0.6], step: -5.0 });
+        assert_eq!(direction(-3, -4), Direction { step: 5.0, ..direction(3, 4) });
+        assert_eq!(direction(-3, 4), Direction { along: [0.6, -0.8], across: [0.8, 0.6], step: 5.0 });
     }
 }

@@ -20,7 +20,7 @@ pub enum Paper {
     Letter,
 }
 
-/// What printers leave white at each side, in millimetres.
+/// The margin that printers leave white at each side, in millimetres.
 const MARGIN_MM: f64 = 6.0;
 /// The height of the caption below the board, in millimetres.
 const CAPTION_MM: f64 = 11.0;
@@ -55,8 +55,8 @@ impl Paper {
 }
 
 impl PrintedBoard {
-    /// Writes a page with the board at its exact size, and a caption with a line of 100 mm below it. The longer side of the board
-    /// lies along the longer side of the paper.
+    /// Writes a page with the board at its exact size, and a caption with a line of 100 mm below it. The longer side of the
+    /// board lies along the longer side of the paper.
     ///
     /// # Errors
     /// [`Error::Usage`] if the board does not fit on the paper, and [`Error::Write`].
@@ -140,8 +140,8 @@ impl PrintedBoard {
         BORDER * self.square_mm()
     }
 
-    /// The board with a white border in grey values, with `per_mm` pixels for a millimetre. Pixels across an edge are grey by the
-    /// share that is black.
+    /// The board with a white border in grey values, with `per_mm` pixels for a millimetre. Pixels across an edge are grey by
+    /// the share that is black.
     pub fn raster(&self, per_mm: f64) -> Raster<u8> {
         let border = self.border_mm();
         let [width, height] = self.size_mm().map(|side| ((side + 2.0 * border) * per_mm).round() as usize);

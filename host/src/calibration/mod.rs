@@ -8,26 +8,17 @@
 //! | --- | --- |
 //! | `printed_board` | [`PrintedBoard`]: chessboards and ChArUco boards |
 //! | `board_files` | boards to print, as PDF and PNG |
-//! | `board_detection` | the corners of a board in an image, found by the crates `calib-targets` |
-//! | `blur` | whether a picture is blurred |
-//! | `subpixel` | corners to a fraction of a pixel |
-//! | `board_pose` | where a board is, from its homography |
+//! | `board_detection` | the corners of a board in an image, found by the crates `calib-targets` and refined to a fraction of a pixel |
 //! | `camera_fit` | the camera and the poses of the board that explain the corners best |
-//! | `coverage` | [`Coverage`]: which parts of the image have corners |
-//! | `lens_calibration` | [`LensCalibration`]: all of these, and what to photograph next |
+//! | `lens_calibration` | [`LensCalibration`]: all of these, [`Coverage`]: the parts of the image that have corners, and what to photograph next |
 
-mod blur;
 mod board_detection;
 mod board_files;
-mod board_pose;
 mod camera_fit;
-mod coverage;
 mod lens_calibration;
 mod printed_board;
-mod subpixel;
 
 pub use board_detection::{BoardCorner, BoardMiss, LEAST_CORNERS};
 pub use board_files::Paper;
-pub use coverage::Coverage;
-pub use lens_calibration::{BoardImage, BoardReprojection, LEAST_IMAGES, LensCalibration, LensCalibrationError};
+pub use lens_calibration::{BoardImage, BoardReprojection, Coverage, LEAST_IMAGES, LensCalibration, LensCalibrationError};
 pub use printed_board::{PrintedBoard, Rectangle};

@@ -79,7 +79,7 @@ impl PrintedBoard {
     }
 
     /// The side of a square in millimetres.
-    pub fn square_mm(&self) -> f64 {
+    pub(crate) fn square_mm(&self) -> f64 {
         self.square_mm
     }
 
@@ -89,7 +89,7 @@ impl PrintedBoard {
     }
 
     /// The number of corners, which are where four squares meet.
-    pub fn corner_count(&self) -> usize {
+    pub(crate) fn corner_count(&self) -> usize {
         ((self.columns - 1) * (self.rows - 1)) as usize
     }
 
@@ -98,7 +98,7 @@ impl PrintedBoard {
     }
 
     /// All that is black, in rectangles that do not overlap.
-    pub fn black_rectangles(&self) -> Vec<Rectangle> {
+    pub(crate) fn black_rectangles(&self) -> Vec<Rectangle> {
         let square = self.square_mm;
         let places = (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| (column, row)));
         let black = places.filter(|(column, row)| (column + row) % 2 == 0);

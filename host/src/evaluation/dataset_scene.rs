@@ -10,7 +10,7 @@ use multiscopic_core::Views;
 use super::{dataset::Dataset, ground_truth};
 use crate::{
     error::{Error, Result},
-    files::FrameFiles,
+    files::{FrameFiles, Limits},
     images::{FloatImage, Frames, Picture},
 };
 
@@ -46,23 +46,23 @@ impl DatasetScene {
         self.folder.join(self.dataset.truth_file())
     }
 
-    /// Whether any of the files exists. A scene with a missing file counts, so that loading it reports the
+    /// Returns true if any of the files exists. A scene with a missing file counts, so that loading it reports the
     /// file.
     fn exists(&self) -> bool {
         self.images(self.dataset.views()).paths().chain([self.truth().as_path()]).any(Path::exists)
     }
 
     /// Reads the frames of `views`, the centre as the picture in its file, and the true disparities in pixels at the
-    /// data set's default baseline, +inf where unknown.
+    /// data set's default baseline, +inf where unknown. All have a size within `limits`.
     ///
     /// # Errors
     /// [`Error::Read`], or [`Error::Format`] if a file has the wrong contents, sizes differ, or no disparity
     /// is known.
-    pub fn load(&self, views: Views) -> Result<(Frames, Picture, FloatImage)> {
+    pub fn load(&self, views: Views, limits: Limits) -> Result<(Frames, Picture, FloatImage)> {
         let images = self.images(views);
-        let (frames, center) = Frames::load(&images)?;
+        let (frames, center) = Frames::load_each(&images, limits, |_| Ok(None))?;
         let path = self.truth();
-        let truth = ground_truth::read(self.dataset, &path)?;
+        let truth = ground_truth::read(self.dataset, &path, limits)?;
         ground_truth::check(&path, &truth, frames.size(), &images.center)?;
         Ok((frames, center, truth))
     }
@@ -132,7 +132,7 @@ mod tests {
     }
 
     fn message(dataset: Dataset, directory: &Path) -> String {
-        dataset.scenes(directory).and_then(|scenes| scenes[0].load(dataset.views())).unwrap_err().to_string()
+        dataset.scenes(directory).and_then(|scenes| scenes[0].load(dataset.views(), Limits::DEFAULT)).unwrap_err().to_string()
     }
 
     #[test]
@@ -171,7 +171,7 @@ mod tests {
         for (dataset, file, expected) in cases {
             let dir = tempfile::tempdir().unwrap();
             make(dataset, dir.path(), 3, file);
-            let (frames, center, truth) = dataset.scenes(dir.path()).unwrap()[0].load(dataset.views()).unwrap();
+            let (frames, center, truth) = dataset.scenes(dir.path()).unwrap()[0].load(dataset.views(), Limits::DEFAULT).unwrap();
             assert_eq!(truth.pixels(), expected, "{dataset}");
             assert_eq!(center.dimensions(), (3, 1));
             let frame = |frame| frames.get(frame).map(|image| image.as_raw()[0]);

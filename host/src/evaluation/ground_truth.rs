@@ -7,7 +7,7 @@ use image::DynamicImage;
 use super::dataset::Dataset;
 use crate::{
     error::{Error, Result},
-    files::{image_codec, input},
+    files::{Limits, image_codec},
     images::FloatImage,
 };
 
@@ -15,13 +15,13 @@ use crate::{
 ///
 /// # Errors
 /// [`Error::Read`], or [`Error::Format`] if the file is not what the data set uses.
-pub(super) fn read(dataset: Dataset, path: &Path) -> Result<FloatImage> {
+pub(super) fn read(dataset: Dataset, path: &Path, limits: Limits) -> Result<FloatImage> {
     match dataset {
-        Dataset::Middlebury2006Third => read_gray(path, 12.0),
-        Dataset::Middlebury2005Full => read_gray(path, 4.0),
-        Dataset::Tsukuba => read_gray(path, 16.0),
+        Dataset::Middlebury2006Third => read_gray(path, 12.0, limits),
+        Dataset::Middlebury2005Full => read_gray(path, 4.0, limits),
+        Dataset::Tsukuba => read_gray(path, 16.0, limits),
         // The file counts pixels per camera step, and the default baseline is four steps.
-        Dataset::Hci4d(_) => Ok(crate::files::read_pfm(path)?.map(|step| 4.0 * step)),
+        Dataset::Hci4d(_) => Ok(crate::files::read_pfm_within(path, limits)?.map(|step| 4.0 * step)),
     }
 }
 
@@ -29,8 +29,8 @@ pub(super) fn read(dataset: Dataset, path: &Path) -> Result<FloatImage> {
 ///
 /// # Errors
 /// [`Error::Read`], or [`Error::Format`] if it is no PFM file, the sizes differ, or no disparity is known.
-pub fn read_pfm(path: &Path, size: [usize; 2], center: &Path) -> Result<FloatImage> {
-    let truth = crate::files::read_pfm(path)?;
+pub fn read_pfm(path: &Path, size: [usize; 2], center: &Path, limits: Limits) -> Result<FloatImage> {
+    let truth = crate::files::read_pfm_within(path, limits)?;
     check(path, &truth, size, center)?;
     Ok(truth)
 }
@@ -49,8 +49,8 @@ pub(super) fn check(path: &Path, truth: &FloatImage, [width, height]: [usize; 2]
 }
 
 /// Reads an 8-bit grey image of disparities times `scale`, 0 where unknown.
-fn read_gray(path: &Path, scale: f32) -> Result<FloatImage> {
-    let gray = match image_codec::decode(path, &input::read(path)?)? {
+fn read_gray(path: &Path, scale: f32, limits: Limits) -> Result<FloatImage> {
+    let gray = match image_codec::decode(path, &limits.read(path)?, limits)? {
         DynamicImage::ImageLuma8(gray) => gray,
         other => {
             let found = format!("an image of {:?}", other.color());

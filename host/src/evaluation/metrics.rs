@@ -8,6 +8,15 @@ use crate::images::{DisparityMap, FloatImage};
 /// The errors of a disparity map over all pixels whose true disparity is known.
 ///
 /// An invalid pixel counts as bad, and enters the mean errors as a disparity of 0.
+///
+/// ```
+/// use multiscopic::{DisparityMap, FloatImage, Metrics};
+/// let truth = FloatImage::new(4, 1, vec![10.0, 10.0, 10.0, f32::INFINITY]);
+/// let estimate = DisparityMap::from_float(&FloatImage::new(4, 1, vec![10.0, 13.0, 10.0, 2.0]));
+/// let metrics = Metrics::new(&estimate, &truth).expect("a known disparity");
+/// assert_eq!((metrics.avg_err, metrics.coverage), (1.0, 1.0));
+/// assert_eq!(metrics.bad_1.round(), 33.0);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// Root mean square error, in pixels.

@@ -1,10 +1,10 @@
-//! How good confidences are: what is wrong among the surest pixels.
+//! The quality of confidences: the errors among the surest pixels.
 
 use serde::{Deserialize, Serialize};
 
 use crate::images::{DisparityMap, FloatImage, Raster};
 
-/// How many pixels with each confidence are right, with an error of at most one pixel, and how many are wrong.
+/// The numbers of pixels with each confidence that are right, with an error of at most one pixel, and that are wrong.
 ///
 /// The pixels are those whose true disparity is known. An invalid one is wrong, and has the confidence 0. The *density* is the
 /// share of pixels that is kept, the surest first; of pixels of the same confidence, right and wrong ones are kept in
@@ -15,7 +15,7 @@ pub struct Sparsification {
     counts: [[u64; 2]; 256],
 }
 
-/// How good the confidences of a disparity map are.
+/// The quality of a disparity map's confidences.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ConfidenceMetrics {
     /// The area under the sparsification curve: the mean share of wrong pixels at densities of 5, 10, ... 100 %.
@@ -97,7 +97,7 @@ impl Sparsification {
         (kept - right).max(0.0) / kept
     }
 
-    /// What the curve amounts to.
+    /// Returns the metrics of the curve.
     pub fn metrics(&self) -> ConfidenceMetrics {
         let mean = |share: &dyn Fn(f64) -> f64| {
             Self::DENSITIES.iter().map(|&density| share(density)).sum::<f64>() / Self::DENSITIES.len() as f64

@@ -7,7 +7,7 @@ use multiscopic_core::Disparity;
 
 use crate::{
     error::{Error, Result},
-    files::{image_codec, input},
+    files::{Limits, image_codec},
     images::{DisparityMap, Geometry, Raster},
 };
 
@@ -37,7 +37,11 @@ pub fn write_depth_mm(map: &DisparityMap, geometry: &Geometry, path: &Path) -> R
 /// # Errors
 /// [`Error::Read`], or [`Error::Format`] if the file is damaged or is not a 16-bit grey image.
 pub fn read_raw16(path: &Path) -> Result<DisparityMap> {
-    match image_codec::decode(path, &input::read(path)?)? {
+    read_raw16_within(path, Limits::DEFAULT)
+}
+
+fn read_raw16_within(path: &Path, limits: Limits) -> Result<DisparityMap> {
+    match image_codec::decode(path, &limits.read(path)?, limits)? {
         DynamicImage::ImageLuma16(image) => {
             let (width, height) = (image.width() as usize, image.height() as usize);
             Ok(Raster::new(width, height, image.into_raw()).map(|&raw| Disparity::from_raw16(raw)))
@@ -50,12 +54,12 @@ pub fn read_raw16(path: &Path) -> Result<DisparityMap> {
 }
 
 /// Reads a file that [`write_raw16`] wrote, to search around its disparities in frames of
-/// `width` x `height` pixels.
+/// `width` x `height` pixels. It has a size within `limits`.
 ///
 /// # Errors
 /// As [`read_raw16`], and [`Error::Format`] if the map has another size or no valid pixel.
-pub fn read_prior(path: &Path, [width, height]: [usize; 2]) -> Result<DisparityMap> {
-    let prior = read_raw16(path)?;
+pub fn read_prior(path: &Path, [width, height]: [usize; 2], limits: Limits) -> Result<DisparityMap> {
+    let prior = read_raw16_within(path, limits)?;
     let [w, h] = [prior.width(), prior.height()];
     if [w, h] != [width, height] {
         let expected = format!("{width}x{height} as the images have");

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::image_codec::write_png;
 use crate::{
     error::{Error, Result},
+    files::Limits,
     images::{BitDepth, Frames, Picture},
 };
 
@@ -111,10 +112,10 @@ impl FrameFiles {
     ///
     /// # Errors
     /// Those of [`Picture::brightest`].
-    pub fn depth(&self) -> Result<Option<BitDepth>> {
+    pub fn depth(&self, limits: Limits) -> Result<Option<BitDepth>> {
         match self.bits {
             Some(bits) => Ok(Some(bits)),
-            None => Ok(Picture::brightest(&self.paths().collect::<Vec<_>>())?.map(BitDepth::of_brightest)),
+            None => Ok(Picture::brightest(&self.paths().collect::<Vec<_>>(), limits)?.map(BitDepth::of_brightest)),
         }
     }
 
@@ -141,21 +142,26 @@ impl Frames {
     /// [`Error::Read`], or [`Error::Format`] if a file is not a picture, a sample is above the maximum of the depth, or a
     /// neighbour and the centre differ in size, after they were turned as their EXIF orientations say.
     pub fn load(files: &FrameFiles) -> Result<(Frames, Picture)> {
-        Frames::load_each(files, |_| Ok(None))
+        Frames::load_each(files, Limits::DEFAULT, |_| Ok(None))
     }
 
-    /// Reads the frames of a capture, as [`load`](Frames::load) does. `f` may replace each picture by another one of its size,
-    /// before 8 bits are taken of 16; the centre's comes first. The centre is returned as it is in its file.
+    /// Reads the frames of a capture, as [`load`](Frames::load) does, of a size within `limits`. `f` may replace each picture
+    /// by another one of its size, before 8 bits are taken of 16; the centre's comes first. The centre is returned as it is in
+    /// its file.
     ///
     /// # Errors
     /// Those of [`load`](Frames::load) and of `f`.
-    pub fn load_each(files: &FrameFiles, mut f: impl FnMut(&Picture) -> Result<Option<Picture>>) -> Result<(Frames, Picture)> {
-        let depth = files.depth()?;
-        let center = Picture::read_with_depth(&files.center, depth)?;
+    pub fn load_each(
+        files: &FrameFiles,
+        limits: Limits,
+        mut f: impl FnMut(&Picture) -> Result<Option<Picture>>,
+    ) -> Result<(Frames, Picture)> {
+        let depth = files.depth(limits)?;
+        let center = Picture::read_within(&files.center, depth, limits)?;
         let mut frames = Frames::of_picture(f(&center)?.unwrap_or_else(|| center.clone()));
         for view in files.views().iter() {
             let Some(path) = files.get(Frame::View(view)) else { continue };
-            let image = Picture::read_with_depth(path, depth)?;
+            let image = Picture::read_within(path, depth, limits)?;
             if image.dimensions() != center.dimensions() {
                 let ((width, height), (w, h)) = (center.dimensions(), image.dimensions());
                 return Err(Error::format(

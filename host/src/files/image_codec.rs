@@ -1,33 +1,38 @@
 //! Reading and writing the formats of the `image` crate. Truncated and damaged files that the crate would accept are refused.
 
 use std::{
+    any::Any,
     borrow::Cow,
+    cell::Cell,
     io::{self, Cursor},
+    panic::{self, AssertUnwindSafe},
     path::Path,
+    sync::Once,
 };
 
 use image::{
-    DynamicImage, EncodableLayout, ImageBuffer, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits, PixelWithColorType,
+    DynamicImage, EncodableLayout, ImageBuffer, ImageDecoder, ImageError, ImageFormat, ImageReader, PixelWithColorType,
     codecs::{png::PngEncoder, pnm::PnmDecoder},
     metadata::Orientation,
 };
 
+use super::jpeg_markers::{END_OF_IMAGE, is_bare, next_marker, segment};
 use crate::{
     error::{Error, Result},
-    files::{input, jpeg_scans, output, panics, png_chunks, truncation},
+    files::{Limits, jpeg_scans, output},
 };
 
 /// Decodes the contents of the file `path`. They decide the format, not the name. The picture is turned as its EXIF orientation
 /// says.
-pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
-    let file = CodedFile::new(path, bytes)?;
+pub(crate) fn decode(path: &Path, bytes: &[u8], limits: Limits) -> Result<DynamicImage> {
+    let file = CodedFile::new(path, bytes, limits)?;
     file.caught(|| file.image())
 }
 
-/// Whether the contents of the file `path` are samples of 16 bits without a word about which is white. PGM and PPM name the
-/// sample of white, and [`decode`] scales it to 65535, but 65535 is also what programs write that do not know.
-pub(crate) fn is_depth_unknown(path: &Path, bytes: &[u8]) -> Result<bool> {
-    let file = CodedFile::new(path, bytes)?;
+/// Returns true if the contents of the file `path` are samples of 16 bits without a word about which is white. PGM and PPM name
+/// the sample of white, and [`decode`] scales it to 65535, but 65535 is also what programs write that do not know.
+pub(crate) fn is_depth_unknown(path: &Path, bytes: &[u8], limits: Limits) -> Result<bool> {
+    let file = CodedFile::new(path, bytes, limits)?;
     file.caught(|| {
         let color = file.decoder()?.color_type();
         let has_16_bits = color.bytes_per_pixel() == 2 * color.channel_count();
@@ -40,12 +45,15 @@ struct CodedFile<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     format: ImageFormat,
+    limits: Limits,
 }
 
 impl CodedFile<'_> {
-    fn new<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<CodedFile<'a>> {
+    fn new<'a>(path: &'a Path, bytes: &'a [u8], limits: Limits) -> Result<CodedFile<'a>> {
         match image::guess_format(bytes) {
-            Ok(format @ (ImageFormat::Png | ImageFormat::Pnm | ImageFormat::Jpeg)) => Ok(CodedFile { path, bytes, format }),
+            Ok(format @ (ImageFormat::Png | ImageFormat::Pnm | ImageFormat::Jpeg)) => {
+                Ok(CodedFile { path, bytes, format, limits })
+            }
             other => {
                 let found = other.map_or("an unknown kind of file".into(), |format| format!("a {format:?} image"));
                 Err(Error::format(path, found, "a PNG, PGM, PPM, JPEG or PFM image"))
@@ -55,13 +63,13 @@ impl CodedFile<'_> {
 
     /// Does what needs a decoder, which may panic.
     fn caught<T>(&self, f: impl FnOnce() -> Result<T>) -> Result<T> {
-        panics::caught(f).unwrap_or_else(|message| Err(self.damaged(&format_args!("the decoder gave up: {message}"))))
+        caught(f).unwrap_or_else(|message| Err(self.damaged(&format_args!("the decoder gave up: {message}"))))
     }
 
     fn image(&self) -> Result<DynamicImage> {
         let mut decoder = self.decoder()?;
         let (width, height) = decoder.dimensions();
-        if truncation::is_truncated(self.format, self.bytes, u64::from(width) * u64::from(height)) {
+        if is_truncated(self.format, self.bytes, u64::from(width) * u64::from(height)) {
             return Err(self.damaged(&format_args!("data are missing for its {width}x{height} pixels")));
         }
         let orientation = self.orientation(&mut decoder);
@@ -75,26 +83,24 @@ impl CodedFile<'_> {
 
     fn decoder(&self) -> Result<impl ImageDecoder> {
         let bytes = match self.format {
-            ImageFormat::Png => png_chunks::without_metadata(self.bytes),
+            ImageFormat::Png => without_metadata(self.bytes),
             _ => Cow::from(self.bytes),
         };
         let mut reader = ImageReader::with_format(Cursor::new(bytes), self.format);
-        let mut limits = Limits::default();
-        limits.max_alloc = Some(input::max_picture_bytes());
+        let mut limits = image::Limits::default();
+        limits.max_alloc = Some(self.limits.max_picture_bytes());
         reader.limits(limits);
         let decoder = reader.into_decoder().map_err(|error| self.damaged(&error))?;
         let (width, height) = decoder.dimensions();
-        input::check_size(self.path, width, height)?;
+        self.limits.check_size(self.path, width, height)?;
         Ok(decoder)
     }
 
-    /// How the picture is to be turned. Damaged metadata say nothing.
+    /// Returns the turn that the picture needs. Damaged metadata say nothing.
     fn orientation(&self, decoder: &mut impl ImageDecoder) -> Orientation {
         let exif = match self.format {
             // The decoder is not given metadata.
-            ImageFormat::Png => {
-                png_chunks::png_chunks(self.bytes).find(|chunk| chunk.name == b"eXIf").map(|chunk| chunk.data.to_vec())
-            }
+            ImageFormat::Png => png_chunks(self.bytes).find(|chunk| chunk.name == b"eXIf").map(|chunk| chunk.data.to_vec()),
             _ => decoder.exif_metadata().ok().flatten(),
         };
         exif.and_then(|exif| Orientation::from_exif_chunk(&exif)).unwrap_or(Orientation::NoTransforms)
@@ -130,4 +136,114 @@ where
             error => io::Error::other(error),
         })
     })
+}
+
+const SIGNATURE_BYTES: usize = 8;
+
+/// A chunk: length, name, data and checksum.
+struct PngChunk<'a> {
+    name: &'a [u8; 4],
+    data: &'a [u8],
+    /// All of its bytes.
+    whole: &'a [u8],
+}
+
+impl PngChunk<'_> {
+    /// Returns true if the pixels depend on it. The others hold colour profiles, texts and animations.
+    fn is_critical(&self) -> bool {
+        self.name[0].is_ascii_uppercase()
+    }
+}
+
+/// The chunks of a PNG file, up to the first that is incomplete.
+fn png_chunks(bytes: &[u8]) -> impl Iterator<Item = PngChunk<'_>> {
+    let mut rest = bytes.get(SIGNATURE_BYTES..).unwrap_or_default();
+    std::iter::from_fn(move || {
+        let start = rest;
+        let (length, data) = rest.split_first_chunk()?;
+        let (name, data) = data.split_first_chunk()?;
+        let length = u32::from_be_bytes(*length) as usize;
+        rest = data.get(length.checked_add(4)?..)?;
+        Some(PngChunk { name, data: &data[..length], whole: &start[..start.len() - rest.len()] })
+    })
+}
+
+/// A PNG file without the chunks that its pixels do not depend on. The decoder would inflate a colour profile, to a thousand
+/// times its size.
+fn without_metadata(bytes: &[u8]) -> Cow<'_, [u8]> {
+    if png_chunks(bytes).all(|chunk| chunk.is_critical()) {
+        return bytes.into();
+    }
+    let signature = &bytes[..SIGNATURE_BYTES.min(bytes.len())];
+    let critical = png_chunks(bytes).filter(PngChunk::is_critical).map(|chunk| chunk.whole);
+    [signature].into_iter().chain(critical).collect::<Vec<_>>().concat().into()
+}
+
+/// Returns true if the end marker is missing, or the file is too short for that many pixels.
+fn is_truncated(format: ImageFormat, bytes: &[u8], pixels: u64) -> bool {
+    match format {
+        ImageFormat::Png => !png_has_end(bytes),
+        // Each block of 8x8 pixels takes at least one bit.
+        ImageFormat::Jpeg => !jpeg_has_end(bytes) || pixels > 8 * 64 * bytes.len() as u64,
+        _ => false,
+    }
+}
+
+fn png_has_end(bytes: &[u8]) -> bool {
+    png_chunks(bytes).any(|chunk| chunk.name == b"IEND")
+}
+
+/// Follows the segments, and the coded data between them, to the marker at the end.
+fn jpeg_has_end(bytes: &[u8]) -> bool {
+    let mut rest = bytes;
+    while let Some((marker, after)) = next_marker(rest) {
+        rest = match (marker, segment(after)) {
+            (END_OF_IMAGE, _) => return true,
+            (marker, _) if is_bare(marker) => after,
+            (_, Some((_, after))) => after,
+            (_, None) => return false,
+        };
+    }
+    false
+}
+
+thread_local! {
+    /// True while a panic of this thread becomes an error.
+    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs `decode`. If it panics, nothing is printed, and the message is returned.
+fn caught<T>(decode: impl FnOnce() -> T) -> std::result::Result<T, String> {
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| {
+        let print = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !IS_CAUGHT.get() {
+                print(info);
+            }
+        }));
+    });
+    let before = IS_CAUGHT.replace(true);
+    // What `decode` has changed is lost with it.
+    let decoded = panic::catch_unwind(AssertUnwindSafe(decode));
+    IS_CAUGHT.set(before);
+    decoded.map_err(|payload| message(&*payload))
+}
+
+fn message(payload: &(dyn Any + Send)) -> String {
+    let text = payload.downcast_ref::<&str>().copied();
+    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("unknown").to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_its_message() {
+        assert_eq!(caught(|| 7), Ok(7));
+        assert_eq!(caught(|| -> u8 { panic!("a table") }), Err("a table".into()));
+        assert_eq!(caught(|| -> u8 { panic!("entry {}", 3) }), Err("entry 3".into()));
+        assert!(!IS_CAUGHT.get());
+    }
 }

@@ -6,23 +6,58 @@ use std::{
     path::Path,
 };
 
-use crate::{
-    error::{Error, Result},
-    images::Picture,
-};
+use crate::error::{Error, Result};
 
 /// The longest side of a picture in pixels. It is the core's limit too.
 pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
-/// The largest file in bytes, unless pictures may have more than [`Picture::MAX_PIXELS`].
-const MAX_BYTES: u64 = MAX_PIXEL_BYTES * Picture::MAX_PIXELS;
+/// The largest file in bytes, unless pictures may have more than [`Limits::DEFAULT`] pixels.
+const MAX_BYTES: u64 = Limits::DEFAULT.max_picture_bytes();
 /// The most bytes of a pixel: four channels of 16 bits, and as much again for the format.
 const MAX_PIXEL_BYTES: u64 = 16;
 /// The largest file of text in bytes. Parsed, it takes many times as much.
 const MAX_TEXT_BYTES: u64 = 1 << 22;
 
-/// The contents of the file `path`. An empty file is an error.
+/// The size of pictures and maps from which on a reader refuses a file, by its header and before it takes memory for the
+/// pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// The most pixels of a picture. Whatever it is, no side may have more than 65535.
+    pub max_pixels: u64,
+}
+
+impl Limits {
+    /// The limits unless others are given: 67 million pixels, which are 8192x8192.
+    pub const DEFAULT: Limits = Limits { max_pixels: 1 << 26 };
+
+    /// The most bytes of the samples of a picture, twice.
+    pub(crate) const fn max_picture_bytes(self) -> u64 {
+        self.max_pixels.saturating_mul(MAX_PIXEL_BYTES)
+    }
+
+    /// Reads the picture or map in the file `path`. An empty file is an error.
+    pub(crate) fn read(self, path: &Path) -> Result<Vec<u8>> {
+        read_at_most(path, MAX_BYTES.max(self.max_picture_bytes()))
+    }
+
+    /// Refuses an empty or absurdly large picture before any memory is allocated for it.
+    pub(crate) fn check_size(self, path: &Path, width: u32, height: u32) -> Result<()> {
+        let side = 1..=MAX_SIDE;
+        if side.contains(&width) && side.contains(&height) && u64::from(width) * u64::from(height) <= self.max_pixels {
+            return Ok(());
+        }
+        Err(Error::PictureSize { path: path.into(), width, height, max_pixels: self.max_pixels })
+    }
+}
+
+impl Default for Limits {
+    fn default() -> Limits {
+        Limits::DEFAULT
+    }
+}
+
+/// The contents of the file `path`, of at most 1 GiB. An empty file is an error.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
-    read_at_most(path, MAX_BYTES.max(max_picture_bytes()))
+    read_at_most(path, MAX_BYTES)
 }
 
 /// Opens a file or a pipe.
@@ -65,7 +100,7 @@ pub fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>> {
     }
 }
 
-/// Whether this is a device.
+/// Returns true if this is a device.
 fn is_device(metadata: &Metadata) -> bool {
     #[cfg(unix)]
     {
@@ -86,21 +121,6 @@ fn is_device(metadata: &Metadata) -> bool {
 pub fn read_text(path: &Path) -> Result<String> {
     String::from_utf8(read_at_most(path, MAX_TEXT_BYTES)?)
         .map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
-}
-
-/// The most bytes of the samples of a picture, twice.
-pub(crate) fn max_picture_bytes() -> u64 {
-    Picture::max_pixels().saturating_mul(MAX_PIXEL_BYTES)
-}
-
-/// Refuses an empty or absurdly large picture before any memory is allocated for it.
-pub(crate) fn check_size(path: &Path, width: u32, height: u32) -> Result<()> {
-    let (side, most) = (1..=MAX_SIDE, Picture::max_pixels());
-    if side.contains(&width) && side.contains(&height) && u64::from(width) * u64::from(height) <= most {
-        return Ok(());
-    }
-    let expected = format!("1 to {MAX_SIDE} pixels on each side and at most {most} in all (--max-pixels)");
-    Err(Error::format(path, format!("a picture of {width}x{height} pixels"), expected))
 }
 
 #[cfg(test)]
@@ -151,10 +171,13 @@ mod tests {
     #[test]
     fn empty_and_absurd_sizes_are_refused() {
         let path = Path::new("p");
-        assert!(check_size(path, 1, 65535).is_ok() && check_size(path, 8192, 8192).is_ok());
+        let check_size = |width, height| Limits::default().check_size(path, width, height);
+        assert!(check_size(1, 65535).is_ok() && check_size(8192, 8192).is_ok());
         for (width, height) in [(0, 1), (1, 0), (65536, 1), (1, 65536), (8193, 8192), (65535, 65535)] {
-            let message = check_size(path, width, height).unwrap_err().to_string();
+            let message = check_size(width, height).unwrap_err().to_string();
             assert!(message.contains(&format!("{width}x{height}")), "{message}");
         }
+        let small = Limits { max_pixels: 15 };
+        assert!(small.check_size(path, 5, 3).is_ok() && small.check_size(path, 4, 4).is_err());
     }
 }

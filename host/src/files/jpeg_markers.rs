@@ -3,7 +3,7 @@
 pub const START_OF_SCAN: u8 = 0xDA;
 pub const END_OF_IMAGE: u8 = 0xD9;
 
-/// Whether no segment follows a marker: a restart, or the start of the image.
+/// Returns true if no segment follows a marker: a restart, or the start of the image.
 pub fn is_bare(marker: u8) -> bool {
     matches!(marker, 0x01 | 0xD0..=0xD8)
 }

@@ -9,19 +9,17 @@ mod jpeg_markers;
 mod jpeg_scans;
 pub(crate) mod npy;
 pub mod output;
-mod panics;
 pub(crate) mod pfm;
 mod picture_files;
 pub mod ply;
-mod png_chunks;
 mod rig_file;
 #[cfg(feature = "mcap")]
 pub mod ros;
 pub(crate) mod toml_file;
-mod truncation;
 
 pub use disparity_files::{read_prior, read_raw16, write_depth_mm, write_raw16};
 pub use frame_files::FrameFiles;
+pub use input::Limits;
 pub use npy::{write_npy, write_npz};
-pub use pfm::{pfm_bytes, read_pfm, write_pfm};
+pub use pfm::{pfm_bytes, read_pfm, read_pfm_within, write_pfm};
 pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};

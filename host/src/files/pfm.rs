@@ -4,7 +4,7 @@ use std::{path::Path, str::FromStr};
 
 use crate::{
     error::{Error, Result},
-    files::{input, output},
+    files::{Limits, output},
     images::FloatImage,
 };
 
@@ -13,10 +13,18 @@ use crate::{
 /// As in the Middlebury tools, the sign of the scale gives the byte order, and its magnitude is ignored.
 ///
 /// # Errors
-/// [`Error::Read`], or [`Error::Format`] if the file has another format, is shorter or longer than its
-/// header says, or is too large.
+/// [`Error::Read`], [`Error::Format`] if the file has another format, or is shorter or longer than its
+/// header says, and [`Error::PictureSize`] if it is too large.
 pub fn read_pfm(path: &Path) -> Result<FloatImage> {
-    decode(path, &input::read(path)?)
+    read_pfm_within(path, Limits::DEFAULT)
+}
+
+/// Reads a PFM file as [`read_pfm`] does, of a size within `limits`.
+///
+/// # Errors
+/// Those of [`read_pfm`].
+pub fn read_pfm_within(path: &Path, limits: Limits) -> Result<FloatImage> {
+    decode(path, &limits.read(path)?, limits)
 }
 
 /// Writes a PFM file: rows from bottom to top, little-endian.
@@ -34,13 +42,13 @@ pub fn pfm_bytes(image: &FloatImage) -> Vec<u8> {
     bytes
 }
 
-/// Whether a file with these contents is a PFM file, grey or in colour.
+/// Returns true if a file with these contents is a PFM file, grey or in colour.
 pub(crate) fn is_pfm(bytes: &[u8]) -> bool {
     bytes.starts_with(b"Pf") || bytes.starts_with(b"PF")
 }
 
 /// Decodes the contents of the file `path`.
-pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<FloatImage> {
+pub(crate) fn decode(path: &Path, bytes: &[u8], limits: Limits) -> Result<FloatImage> {
     let expected = "a PFM file with one channel: Pf, width, height and scale, then the pixels";
     let mut rest = bytes;
     match next_word(&mut rest) {
@@ -54,7 +62,7 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<FloatImage> {
     if !scale.is_finite() || scale == 0.0 {
         return Err(Error::format(path, format!("a PFM scale of {scale}"), "-1 (little-endian) or 1 (big-endian)"));
     }
-    input::check_size(path, width, height)?;
+    limits.check_size(path, width, height)?;
     let bytes = 4 * u64::from(width) * u64::from(height);
     if rest.len() as u64 != bytes {
         let found = format!("{} bytes of pixels", rest.len());
@@ -88,7 +96,7 @@ mod tests {
     use super::*;
 
     fn decode(bytes: &[u8]) -> Result<FloatImage> {
-        super::decode(Path::new("d.pfm"), bytes)
+        super::decode(Path::new("d.pfm"), bytes, Limits::DEFAULT)
     }
 
     fn message(bytes: &[u8]) -> String {

@@ -8,7 +8,7 @@ use crate::{
     images::{DisparityMap, Geometry, Picture, Raster},
 };
 
-/// How a PLY file stores its numbers.
+/// The form in which a PLY file stores its numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoding {
     /// Little-endian binary: small, and fast to read.

@@ -1,4 +1,4 @@
-//! How many bits of 16-bit samples carry values.
+//! The number of bits of 16-bit samples that carry values.
 
 use serde::{Deserialize, Serialize};
 

@@ -10,6 +10,14 @@ use super::picture::Picture;
 
 /// A centre frame and its neighbours, all of the same size, in 8-bit grey. If every frame has colours, they
 /// are kept as well, for the methods that use them.
+///
+/// ```
+/// use image::GrayImage;
+/// use multiscopic::Frames;
+/// use multiscopic_core::{View, Views};
+/// let frames = Frames::new(GrayImage::new(64, 48)).with(View::RIGHT, GrayImage::new(64, 48));
+/// assert_eq!((frames.size(), frames.views()), ([64, 48], Views::STEREO));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Frames {
     center: GrayImage,

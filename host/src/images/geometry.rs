@@ -5,13 +5,20 @@ use multiscopic_core::Disparity;
 use super::{DisparityMap, FloatImage};
 
 /// A pinhole camera and the baseline by which it was moved.
+///
+/// ```
+/// use multiscopic::Geometry;
+/// let geometry = Geometry { focal_px: 1000.0, baseline_mm: 20.0, principal_point: [319.5, 239.5], doffs: 0.0 };
+/// assert_eq!(geometry.depth_mm(40.0), Some(500.0));
+/// assert_eq!(geometry.depth_mm(0.0), None);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
     /// Focal length in pixels.
     pub focal_px: f64,
     /// The distance from the centre to each neighbour, in millimetres.
     pub baseline_mm: f64,
-    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is at
+    /// The pixel at which the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is at
     /// `[0, 0]`.
     pub principal_point: [f64; 2],
     /// The negated disparity of a point at infinity, in pixels: 0 unless the images were shifted or cropped

@@ -51,7 +51,7 @@ impl ImageRegion {
     }
 
     /// The number of pixels.
-    pub fn area(&self) -> usize {
+    pub(crate) fn area(&self) -> usize {
         self.width * self.height
     }
 

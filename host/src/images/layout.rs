@@ -1,4 +1,4 @@
-//! Where the frames of a capture are taken.
+//! The places where the frames of a capture are taken.
 
 use std::{fmt, str::FromStr};
 
@@ -6,7 +6,7 @@ use multiscopic_core::{View, Views};
 
 use crate::error::{Error, Result};
 
-/// Where the camera stands around the centre: on a cross, or on an array of rows and columns, one baseline apart.
+/// The places of the camera around the centre: on a cross, or on an array of rows and columns, one baseline apart.
 ///
 /// It is written `cross`, or as rows and columns, such as `3x3`. Both are odd, so that the centre is in the middle.
 ///

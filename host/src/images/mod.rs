@@ -8,8 +8,8 @@ mod geometry;
 mod image_region;
 mod interpolated;
 mod layout;
+pub mod montage;
 mod picture;
-mod resampled;
 mod sampled_displacements;
 
 pub use bit_depth::BitDepth;

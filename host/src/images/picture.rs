@@ -1,16 +1,19 @@
 //! A picture of 8 or 16 bits, grey or in colour.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use image::{GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
 
 use super::{Raster, bit_depth::to_8_bits};
 
-/// The most pixels of pictures that are read.
-static MAX_PIXELS: AtomicU64 = AtomicU64::new(Picture::MAX_PIXELS);
-
-/// An image with 8 or 16 bits per channel, as a file stores it. Matching takes 8 bits: those of a 16-bit sample are 255 times the
-/// sample through 65535, rounded to nearest.
+/// An image with 8 or 16 bits per channel, as a file stores it. Matching takes 8 bits: those of a 16-bit sample are 255 times
+/// the sample through 65535, rounded to nearest.
+///
+/// ```
+/// use image::{Rgb, RgbImage};
+/// use multiscopic::Picture;
+/// let red = Picture::Rgb(RgbImage::from_pixel(4, 3, Rgb([255, 0, 0])));
+/// assert_eq!(red.dimensions(), (4, 3));
+/// assert_eq!(red.to_gray().get_pixel(0, 0).0, [77]);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Picture {
     /// One channel.
@@ -32,20 +35,6 @@ impl From<&Raster<u8>> for Picture {
 }
 
 impl Picture {
-    /// The most pixels of a picture, unless [`Picture::set_max_pixels`] was called: 67 million.
-    pub const MAX_PIXELS: u64 = 1 << 26;
-
-    /// The most pixels of pictures and maps that are read. Files that claim more are refused before memory is taken for them.
-    pub fn max_pixels() -> u64 {
-        MAX_PIXELS.load(Ordering::Relaxed)
-    }
-
-    /// Changes [`max_pixels`](Picture::max_pixels) for all readers of this process. The sides have at most 65535 pixels
-    /// whatever it is.
-    pub fn set_max_pixels(pixels: u64) {
-        MAX_PIXELS.store(pixels, Ordering::Relaxed);
-    }
-
     /// Width and height in pixels.
     pub fn dimensions(&self) -> (u32, u32) {
         match self {
@@ -56,7 +45,7 @@ impl Picture {
         }
     }
 
-    /// Whether its channels have 16 bits.
+    /// Returns true if its channels have 16 bits.
     pub fn has_16_bits(&self) -> bool {
         matches!(self, Picture::Gray16(_) | Picture::Rgb16(_))
     }

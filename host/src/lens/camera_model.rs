@@ -2,14 +2,20 @@
 
 use super::distortion::Lens;
 
-/// What a calibration finds about a camera. Pixel `(u, v)` has its centre at whole coordinates, as in OpenCV, ROS and Kalibr.
+/// The camera that a calibration finds. Pixel `(u, v)` has its centre at whole coordinates, as in OpenCV, ROS and Kalibr.
+///
+/// ```
+/// use multiscopic::{CameraModel, Lens};
+/// let camera = CameraModel { size: None, focal_px: [800.0; 2], principal_point: [319.5, 239.5], lens: Lens::IDEAL };
+/// assert_eq!(camera.pixel([0.1, 0.0]), Some([399.5, 239.5]));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraModel {
     /// Width and height of the images in pixels, if known. A calibration holds for images of this size only.
     pub size: Option<[usize; 2]>,
     /// The focal lengths `[fx, fy]` in pixels, above 0. They differ if pixels are not square.
     pub focal_px: [f64; 2],
-    /// Where the optical axis meets the image, `[cx, cy]` in pixels.
+    /// The pixel at which the optical axis meets the image, `[cx, cy]` in pixels.
     pub principal_point: [f64; 2],
     /// The distortion.
     pub lens: Lens,

@@ -88,6 +88,14 @@ pub enum LensError {
 }
 
 /// A lens: a model of distortion with its coefficients.
+///
+/// ```
+/// use multiscopic::{Lens, LensModel};
+/// let lens = Lens::new(LensModel::PlumbBob, &[-0.25, 0.08, 0.0, 0.0, 0.0])?;
+/// let [x, y] = lens.distort([0.5, 0.0]).expect("within the range of the model");
+/// assert!(0.4 < x && x < 0.5 && y == 0.0);
+/// # Ok::<(), multiscopic::lens::LensError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     model: LensModel,
@@ -133,7 +141,7 @@ impl Lens {
         &self.coefficients[..self.model.coefficient_names().len()]
     }
 
-    /// Where the model ends, as an ideal radius: the distorted radius grows up to here. Beyond, polynomials
+    /// The end of the model, as an ideal radius: the distorted radius grows up to here. Beyond, polynomials
     /// fold back, and a distorted point would belong to several directions. At most 20.
     pub fn max_radius(&self) -> f64 {
         self.max_radius

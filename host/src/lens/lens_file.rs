@@ -15,7 +15,7 @@ pub struct LensFile {
     pub path: PathBuf,
     /// Its contents.
     pub camera: CameraModel,
-    /// How the camera is turned against its stage.
+    /// The rotation of the camera against its stage.
     pub mount: Mount,
 }
 

@@ -8,10 +8,10 @@
 //! | --- | --- |
 //! | `distortion` | [`Lens`]: the models, from ideal to distorted coordinates and back |
 //! | `camera_model` | [`CameraModel`]: a lens, the focal lengths and the principal point, from pixels to directions and back |
-//! | `calibration_files` | the files of ROS, OpenCV and Kalibr, and `camera.toml` |
-//! | `mount` | [`Mount`]: how a camera is turned against its stage |
-//! | `undistortion` | [`Undistortion`]: pictures as an ideal camera, square to its stage, would have taken them |
 //! | `lens_file` | [`LensFile`]: a calibration and the file that it is from |
+//! | `calibration_files` | the files of ROS, OpenCV and Kalibr, and `camera.toml` |
+//! | `mount` | [`Mount`]: the rotation of a camera against its stage |
+//! | `undistortion` | [`Undistortion`]: pictures as an ideal camera, square to its stage, would have taken them |
 
 mod calibration_files;
 mod camera_model;

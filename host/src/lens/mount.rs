@@ -1,4 +1,4 @@
-//! How a camera is mounted on its stage.
+//! The mounting of a camera on its stage.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::{
     files::toml_file,
 };
 
-/// How a camera is turned against the axes of its stage, as `multiscopic calibrate mount` finds it.
+/// The rotation of a camera against the axes of its stage, as `multiscopic calibrate mount` finds it.
 ///
 /// ```toml
 /// rotation_deg = [0.52, -1.01, 2.03]              # about the axes to the right, down and ahead
@@ -57,8 +57,8 @@ impl Mount {
         toml_file::write(path, self)
     }
 
-    /// Splits the mount into a turn about the optical axis, in radians, which a stage takes out by moving along turned axes, and
-    /// what remains after that.
+    /// Splits the mount into a turn about the optical axis, in radians, which a stage takes out by moving along turned axes,
+    /// and what remains after that.
     pub fn split_roll(&self) -> (f64, Mount) {
         let rotation = UnitQuaternion::from_rotation_matrix(&self.rotation());
         let roll = 2.0 * rotation.k.atan2(rotation.w);

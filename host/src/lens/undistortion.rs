@@ -6,15 +6,15 @@ use rayon::prelude::*;
 use super::{camera_model::CameraModel, mount::Mount};
 use crate::images::{DisparityMap, Frames, Picture, Raster};
 
-/// Turns the pictures of a camera into those of an ideal one: without distortion, square to its stage, with square pixels, of the
-/// same size and with the horizontal focal length `fx`. What the camera shows in the middle of its pictures stays there, so that
-/// the principal point is the same only if the camera is square to its stage.
+/// Turns the pictures of a camera into those of an ideal one: without distortion, square to its stage, with square pixels, of
+/// the same size and with the horizontal focal length `fx`. What the camera shows in the middle of its pictures stays there, so
+/// that the principal point is the same only if the camera is square to its stage.
 ///
 /// Ideal pixels lie between those of the picture and are interpolated by cubic convolution (Keys, 1981).
 #[derive(Clone, Debug)]
 pub struct Undistortion {
     projection: IdealProjection,
-    /// Where each ideal pixel lies in the picture. `None` beyond the range of the lens model.
+    /// The place of each ideal pixel in the picture. `None` beyond the range of the lens model.
     places: Raster<Option<[f32; 2]>>,
 }
 
@@ -24,7 +24,7 @@ struct IdealProjection {
     camera: CameraModel,
     /// From the rays of the ideal camera to those of the camera.
     to_camera: Rotation3<f64>,
-    /// Where the optical axis meets the ideal picture.
+    /// The pixel at which the optical axis meets the ideal picture.
     principal_point: [f64; 2],
 }
 
@@ -52,13 +52,13 @@ impl Undistortion {
         Undistortion { projection, places }
     }
 
-    /// Where a point of the ideal picture, which may lie between its pixels, lies in the picture, inside its borders or outside.
-    /// `None` beyond the range of the lens model.
+    /// The place of a point of the ideal picture, which may lie between its pixels, in the picture, inside its borders or
+    /// outside. `None` beyond the range of the lens model.
     pub fn place_of(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         self.projection.place(pixel)
     }
 
-    /// Where an ideal pixel lies in the picture, which may be outside its borders. `None` beyond the range of the lens model.
+    /// The place of an ideal pixel in the picture, which may be outside its borders. `None` beyond the range of the lens model.
     ///
     /// # Panics
     /// If it is outside the ideal picture.

@@ -14,28 +14,17 @@
 
 mod description;
 mod made_up;
-mod object;
 mod pinhole_camera;
-mod pose;
-mod posed_camera;
 mod random;
-mod ray;
 mod render;
 mod shape;
-mod shot;
-mod still_life;
 mod texture;
 mod vec3;
 
-pub use description::{Lamp, Scene};
+pub use description::{Finish, Lamp, Object, Scene, Shot};
 pub use made_up::{Flaws, RandomScene, Setting};
-pub use object::{Finish, Object};
-pub use pinhole_camera::PinholeCamera;
-pub use pose::Pose;
-pub use posed_camera::PosedCamera;
-pub use ray::Ray;
+pub use pinhole_camera::{PinholeCamera, PosedCamera};
 pub use render::{render, render_at, render_views, trace};
 pub use shape::Shape;
-pub use shot::Shot;
 pub use texture::{Motif, Placement, Texture};
-pub use vec3::Vec3;
+pub use vec3::{Pose, Ray, Vec3};

@@ -1,6 +1,6 @@
 //! The shapes of objects, and where rays meet them.
 
-use super::{ray::Ray, vec3::Vec3};
+use super::vec3::{Ray, Vec3};
 
 /// The shortest distance at which a ray can meet a surface, in units of its direction. It keeps a ray from
 /// meeting the surface it starts on.
@@ -37,7 +37,7 @@ pub enum Shape {
 
 impl Shape {
     /// The radius of the bounding sphere around the origin.
-    pub fn bounding_radius(&self) -> f64 {
+    pub(crate) fn bounding_radius(&self) -> f64 {
         match *self {
             Shape::Sphere { radius } => radius,
             Shape::Panel { half_width, half_height } => (half_width * half_width + half_height * half_height).sqrt(),
@@ -48,7 +48,7 @@ impl Shape {
 
     /// The distance at which the ray first meets the surface, in units of its direction, and the outward unit
     /// normal there.
-    pub fn hit(&self, ray: &Ray) -> Option<(f64, Vec3)> {
+    pub(crate) fn hit(&self, ray: &Ray) -> Option<(f64, Vec3)> {
         match *self {
             Shape::Sphere { radius } => {
                 let t = sphere(ray, Vec3::ZERO, radius)?;

@@ -1,4 +1,4 @@
-//! What no formula gives: what the firmware was measured to take in the emulator.
+//! Costs that no formula gives: what the firmware was measured to take in the emulator.
 
 use std::{collections::BTreeMap, sync::LazyLock};
 
@@ -12,7 +12,7 @@ pub static MEASURED: LazyLock<FirmwareCostTable> = LazyLock::new(|| toml::from_s
 
 const TEXT: &str = include_str!("measured.toml");
 
-/// What the firmware takes, by the instruction set that it is compiled for.
+/// The firmware's costs, by the instruction set that it is compiled for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FirmwareCostTable {
@@ -34,7 +34,7 @@ pub struct FirmwareCostTable {
     pub armv8_1_m: FirmwareCosts,
 }
 
-/// What the firmware takes beside the workspace, which a formula gives.
+/// The firmware's costs beside the workspace, which a formula gives.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FirmwareCosts {
@@ -119,7 +119,7 @@ impl FirmwareCostTable {
 }
 
 impl Processor {
-    /// What the firmware was measured to take on this processor.
+    /// Returns what the firmware was measured to take on this processor.
     pub fn firmware_costs(self) -> &'static FirmwareCosts {
         MEASURED.of(self)
     }

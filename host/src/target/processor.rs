@@ -42,7 +42,7 @@ impl Processor {
     }
 
     /// Lanes of its kernel. The number of disparities is rounded up to a multiple of it.
-    pub fn lanes(self) -> usize {
+    pub(crate) fn lanes(self) -> usize {
         Wide::LANES
     }
 

@@ -23,7 +23,7 @@ pub struct Buffer {
     pub name: &'static str,
     /// Its size in bytes.
     pub bytes: usize,
-    /// What it holds.
+    /// Its contents.
     pub contents: &'static str,
 }
 

@@ -8,7 +8,7 @@ use multiscopic_edge::{Board, Matching, Phase, Profile, Streams, StreamsError, W
 
 use crate::{error::Error, images::Frames};
 
-/// What the firmware of a profile does with a set of frames.
+/// The firmware's work on a set of frames: the packets that it sends, and the lines and the memory that it takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulation {
     /// The packets that it sends, byte for byte, except that the last one does not tell the depth of the
@@ -22,7 +22,7 @@ pub struct Simulation {
     pub workspace: usize,
 }
 
-/// Why frames cannot be simulated.
+/// The reason why frames cannot be simulated.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulationError {
@@ -191,6 +191,7 @@ fn open_streams(frames: &Frames, views: Views) -> Streams<&[u8]> {
 mod tests {
     use super::*;
     use crate::{
+        files::Limits,
         scene::{PinholeCamera, Scene, render},
         target::reception::{Notice, receive},
     };
@@ -210,7 +211,7 @@ mod tests {
         assert_eq!(simulation.passes, 1);
         let views = [View::LEFT, View::RIGHT].map(Frame::View);
         assert_eq!(simulation.lines_read, [(Frame::Center, 120), (views[0], 120), (views[1], 120)]);
-        let received = receive(&simulation.packets[..], Path::new("simulation"), |notice| {
+        let received = receive(&simulation.packets[..], Path::new("simulation"), Limits::DEFAULT, |notice| {
             assert!(matches!(notice, Notice::Line { .. }), "{notice:?}");
         });
         let received = received.unwrap();

@@ -10,16 +10,17 @@ use multiscopic::{
     Alignment, Error, Inspection, Result, Rig,
     files::{FrameFiles, Residual, output},
     images::BitDepth,
-    report::{EpipolarMap, Report},
 };
 use multiscopic_core::{Frame, View};
 use serde::Serialize;
 
 use super::{
+    advice,
     options::{MemoryOptions, SearchOptions, SourceOptions, output_file},
     preparation::check_alignment,
     terminal,
 };
+use crate::report::{EpipolarMap, Report};
 
 /// Estimates how each view is turned, scaled and off its place, from the images alone, and rectifies them
 ///
@@ -142,8 +143,8 @@ impl Align {
         })?;
         written.into_iter().flatten().for_each(|path| terminal::say(&format!("wrote {}", path.display())));
         let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(alignment.warning());
-        warnings.for_each(|warning| terminal::warn(&warning));
-        inspection.range_line().into_iter().for_each(|line| terminal::say(&line));
+        warnings.for_each(|warning| terminal::warn(&advice::warning(&warning)));
+        advice::range_line(&inspection).into_iter().for_each(|line| terminal::say(&line));
         terminal::print(&match self.json {
             true => serde_json::to_string(&findings).expect("numbers and strings") + "\n",
             false => findings.table(),

@@ -1,13 +1,13 @@
 //! The error over the number of views, and over the longest baseline; wrong pixels over the density.
 
-use multiscopic::{
-    evaluation::{Record, Sparsification},
-    report::{Chart, ChartLine},
-    stereo::LongBaselines,
-};
+use multiscopic::{evaluation::Sparsification, stereo::LongBaselines};
 use multiscopic_core::{Fusion, Views};
 
 use super::{options::Named, variant::Variant};
+use crate::{
+    report::{Chart, ChartLine},
+    results::Record,
+};
 
 /// The subjects of the charts: the variants, the records of each in every scene, and what names them.
 pub struct Errors<'a> {

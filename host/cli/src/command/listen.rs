@@ -18,6 +18,7 @@ use multiscopic::{
 use serde::Serialize;
 
 use super::{
+    limits::limits,
     options::{MapFiles, output_file},
     terminal,
 };
@@ -93,7 +94,7 @@ impl Listen {
 
         let bar = terminal::progress(0, "pixels");
         let (mut is_whole, mut flaws) = (true, 0);
-        let received = reception::receive(source, path, |notice| match notice {
+        let received = reception::receive(source, path, limits(), |notice| match notice {
             Notice::Line { pixels, of } => {
                 bar.set_length(of as u64);
                 bar.set_position(pixels as u64);

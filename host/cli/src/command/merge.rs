@@ -7,18 +7,17 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{
-    Error, Result,
-    evaluation::{Record, text_table},
-    files::output,
-};
+use multiscopic::{Error, Result, files::output};
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::{
-    batch::{Fingerprint, ItemRecord, OutputRecord, RunFile, names},
-    evaluate::{SceneRecord, print_tables, write_json},
-    r#match::Summary,
-    terminal,
+use crate::{
+    command::{
+        batch::{Fingerprint, ItemRecord, OutputRecord, RunFile, names},
+        evaluate::{SceneRecord, print_tables, write_json},
+        r#match::Summary,
+        terminal,
+    },
+    results::{Record, text_table},
 };
 
 /// Joins the results of several machines, and prints the table that one machine would print

@@ -1,5 +1,6 @@
 //! The commands, a module each, and what they share: [`options`] and the [`terminal`].
 
+pub mod advice;
 pub mod align;
 pub mod batch;
 pub mod bench;
@@ -11,6 +12,7 @@ pub mod demo;
 pub mod devices;
 pub mod evaluate;
 mod hardware;
+pub mod limits;
 pub mod listen;
 #[cfg(feature = "live")]
 pub mod live;

@@ -15,6 +15,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, View};
 
 use super::{
+    limits::limits,
     options::{
         BitsOption, depth_of,
         value::{point, positive},
@@ -88,7 +89,7 @@ impl Init {
         let files = images.within(directory);
         images.bits = depth_of(&self.bits, None, &files.paths().collect::<Vec<_>>())?;
         // Reading them all finds photos of different sizes now instead of later.
-        let (frames, _) = Frames::load(&images.within(directory))?;
+        let (frames, _) = Frames::load_each(&images.within(directory), limits(), |_| Ok(None))?;
         let rig = Rig {
             baseline_mm: self.baseline_mm,
             focal_px: self.focal_px,

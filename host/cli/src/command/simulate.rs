@@ -22,6 +22,7 @@ use multiscopic_edge::{Matching, Profile, profile};
 use serde::Serialize;
 
 use super::{
+    limits::limits,
     options::{SourceOptions, named, output_file},
     terminal,
 };
@@ -85,7 +86,7 @@ impl Simulate {
                 output::write(path, |writer| writer.write_all(&simulation.packets))?;
             }
             if self.output.is_some() || self.confidence.is_some() {
-                let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
+                let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), limits(), |_| ())?;
                 self.output
                     .iter()
                     .try_for_each(|path| output_file::write_floats(&received.disparities.to_float(), path, "disparity"))?;

@@ -4,11 +4,13 @@ use std::{collections::BTreeSet, time::Instant};
 
 use multiscopic::{
     DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result,
-    evaluation::{CameraSteps, Record, Sparsification},
+    evaluation::{CameraSteps, Sparsification},
     images::Layout,
     stereo::{LongBaselines, MethodName, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::{Fusion, Search, View, Views};
+
+use crate::results::Record;
 
 /// A method with the views that it matches and the rule that fuses their costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

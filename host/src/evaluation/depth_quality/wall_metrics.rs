@@ -1,11 +1,11 @@
-//! How flat and how far a flat wall seems to be.
+//! The flatness and the distance of a flat wall as a rig sees it.
 
+use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-use super::plane_fit::PlaneFit;
 use crate::{
     alignment::median,
-    error::{Error, Result},
+    error::{PlaneError, Result},
     images::{DisparityMap, Geometry, ImageRegion},
 };
 
@@ -16,9 +16,9 @@ const LEFT_OUT: usize = 200;
 
 /// The errors of the disparities of a flat wall, against the plane that fits them best.
 ///
-/// They are those of Intel's "RealSense Camera Depth Testing Methodology" (2018) and of librealsense's Depth Quality Tool, except
-/// that the plane is fitted to disparities, and robustly, and that the 0.5 % of the pixels that are left out at both ends are
-/// those farthest from the plane, not the nearest and farthest of the wall.
+/// They are those of Intel's "RealSense Camera Depth Testing Methodology" (2018) and of librealsense's Depth Quality Tool,
+/// except that the plane is fitted to disparities, and robustly, and that the 0.5 % of the pixels that are left out at both
+/// ends are those farthest from the plane, not the nearest and farthest of the wall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WallMetrics {
     /// The share of valid pixels in the region, in percent.
@@ -33,7 +33,7 @@ pub struct WallMetrics {
     pub place: Option<WallPlace>,
 }
 
-/// Where a wall is, and how far points are from it.
+/// The place of a wall, and the distances of points from it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WallPlace {
     /// The distance along the optical axis, in millimetres.
@@ -48,8 +48,8 @@ pub struct WallPlace {
     pub recedes_right_deg: f64,
     /// By how much the wall recedes downwards, in degrees.
     pub recedes_down_deg: f64,
-    /// The median error of the distance in percent of the true one, after the plane was turned to be square to the optical axis:
-    /// above 0 if the wall seems too far. `None` if the distance is not known.
+    /// The median error of the distance in percent of the true one, after the plane was turned to be square to the optical
+    /// axis: above 0 if the wall seems too far. `None` if the distance is not known.
     pub z_accuracy_percent: Option<f64>,
 }
 
@@ -58,7 +58,8 @@ impl WallMetrics {
     /// matters only with the geometry. With it, a pixel without a finite depth is not valid.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the region leaves the map, or determines no plane before the camera.
+    /// [`Error::Usage`](crate::Error::Usage) if the region leaves the map, and [`Error::Plane`](crate::Error::Plane) if it
+    /// determines no plane before the camera.
     pub fn new(
         disparities: &DisparityMap,
         geometry: Option<&Geometry>,
@@ -99,7 +100,7 @@ impl WallPlace {
         let ahead = plane.disparity(principal_point) + doffs;
         let [right, down] = plane.slope().map(|slope| slope * focal_px);
         if ahead <= 0.0 {
-            return Err(Error::Usage("the plane that fits best does not meet the optical axis before the camera".into()));
+            return Err(PlaneError::Behind.into());
         }
         let (power, norm) = (focal_px * baseline_mm, (ahead * ahead + right * right + down * down).sqrt());
         let distance_mm = power / ahead;
@@ -127,6 +128,101 @@ fn root_mean_square(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     (values.map(|value| value * value).sum::<f64>() / count).sqrt()
 }
 
+/// The fewest pixels that a plane is fitted to.
+const FEWEST: usize = 100;
+/// The number of random samples.
+const SAMPLES: usize = 300;
+/// The most pixels that judge a sample.
+const JUDGES: usize = 2000;
+/// The most steps of the refinement.
+const STEPS: usize = 20;
+/// The ratio of the standard deviation and the median absolute value of normally distributed numbers.
+const DEVIATION: f64 = 1.4826;
+/// Pixels within this many standard deviations of the plane determine it.
+const NEAR: f64 = 3.0;
+/// The least standard deviation in pixels that is believed: a step of a disparity.
+const LEAST_DEVIATION: f64 = 1.0 / 64.0;
+
+/// A plane in the scene. Its disparities, in pixels, are linear in the coordinates of the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneFit {
+    /// The pixel from which the coordinates count.
+    origin: [f64; 2],
+    /// The disparity there, and how much it grows with each pixel to the right and down.
+    coefficients: Vector3<f64>,
+}
+
+impl PlaneFit {
+    /// Fits a plane to disparities at pixels, `[u, v, d]`, of which fewer than half may be wrong by any amount: the least
+    /// median of squares over random samples (Rousseeuw, 1984), then least squares over the pixels near the plane. Disparities,
+    /// unlike depths, have the same noise everywhere.
+    ///
+    /// # Errors
+    /// [`Error::Plane`](crate::Error::Plane) if there are fewer than 100 pixels, or all are on a line.
+    pub fn new(pixels: &[[f64; 3]]) -> Result<PlaneFit> {
+        if pixels.len() < FEWEST {
+            return Err(PlaneError::TooFew { count: pixels.len(), needed: FEWEST }.into());
+        }
+        let origin = [0, 1].map(|axis| pixels.iter().map(|pixel| pixel[axis]).sum::<f64>() / pixels.len() as f64);
+        let plane = |coefficients| PlaneFit { origin, coefficients };
+        let fit = |pixels: &mut dyn Iterator<Item = &[f64; 3]>| least_squares(origin, pixels).map(plane);
+        let deviation = |plane: &PlaneFit, pixels: &mut dyn Iterator<Item = &[f64; 3]>| {
+            DEVIATION * median(pixels.map(|pixel| plane.residual(pixel).abs()).collect())
+        };
+
+        let mut random = fastrand::Rng::with_seed(1);
+        let stride = pixels.len().div_ceil(JUDGES);
+        let mut best: Option<(f64, PlaneFit)> = None;
+        for _ in 0..SAMPLES {
+            let sample: [&[f64; 3]; 3] = std::array::from_fn(|_| &pixels[random.usize(..pixels.len())]);
+            if let Some(plane) = fit(&mut sample.into_iter()) {
+                let spread = deviation(&plane, &mut pixels.iter().step_by(stride));
+                best = best.filter(|(least, _)| *least <= spread).or(Some((spread, plane)));
+            }
+        }
+        let (_, mut plane) = best.ok_or(PlaneError::OnALine)?;
+        for _ in 0..STEPS {
+            let limit = NEAR * deviation(&plane, &mut pixels.iter()).max(LEAST_DEVIATION);
+            let next = fit(&mut pixels.iter().filter(|pixel| plane.residual(pixel).abs() <= limit)).ok_or(PlaneError::OnALine)?;
+            if std::mem::replace(&mut plane, next) == next {
+                break;
+            }
+        }
+        Ok(plane)
+    }
+
+    /// Its disparity at an image point, in pixels.
+    pub fn disparity(&self, [u, v]: [f64; 2]) -> f64 {
+        self.coefficients.dot(&row(self.origin, u, v))
+    }
+
+    /// Returns the growth of its disparity with each pixel to the right and down.
+    pub fn slope(&self) -> [f64; 2] {
+        [self.coefficients.y, self.coefficients.z]
+    }
+
+    /// Returns the disparity of a pixel, `[u, v, d]`, less the plane's.
+    pub fn residual(&self, &[u, v, d]: &[f64; 3]) -> f64 {
+        d - self.disparity([u, v])
+    }
+}
+
+fn row([u0, v0]: [f64; 2], u: f64, v: f64) -> Vector3<f64> {
+    Vector3::new(1.0, u - u0, v - v0)
+}
+
+/// The coefficients of the plane with the least squared residuals; `None` if the pixels are on a line.
+fn least_squares(origin: [f64; 2], pixels: &mut dyn Iterator<Item = &[f64; 3]>) -> Option<Vector3<f64>> {
+    let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for &[u, v, d] in pixels {
+        let row = row(origin, u, v);
+        matrix += row * row.transpose();
+        right += row * d;
+    }
+    // Pixels are whole numbers, so that any three off a line have a determinant of at least 1.
+    (matrix.determinant() > 0.5).then(|| matrix.cholesky().map(|matrix| matrix.solve(&right)))?
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,8 +239,8 @@ mod tests {
         DISTANCE_MM / (1.0 - x * right.to_radians().tan() - y * down.to_radians().tan())
     }
 
-    /// What such a wall shows, with noise of a standard deviation in pixels, and shares of the pixels that are invalid and that
-    /// are wrong.
+    /// Disparities of such a wall, with noise of a standard deviation in pixels, and shares of the pixels that are invalid and
+    /// that are wrong.
     fn wall(angles: [f64; 2], deviation: f64, [invalid, wrong]: [f64; 2]) -> DisparityMap {
         let mut random = fastrand::Rng::with_seed(9);
         let disparity = |pixel: [usize; 2]| {
@@ -247,5 +343,42 @@ mod tests {
         let steep =
             FloatImage::new(SIZE[0], SIZE[1], ImageRegion::whole(SIZE).pixels().map(|[u, _]| 0.5 * (u as f32 - 80.0)).collect());
         assert!(message(&DisparityMap::from_float(&steep), ImageRegion::whole(SIZE)).contains("does not meet the optical axis"));
+    }
+
+    /// A plane with noise of this standard deviation, and a share of pixels that are anywhere.
+    fn pixels(deviation: f64, wrong: f64) -> Vec<[f64; 3]> {
+        let mut random = fastrand::Rng::with_seed(5);
+        (0..60 * 40)
+            .map(|k| {
+                let [u, v] = [f64::from(k % 60 + 100), f64::from(k / 60 + 20)];
+                // The sum of 12 uniform numbers is nearly normal.
+                let noise = (0..12).map(|_| random.f64()).sum::<f64>() - 6.0;
+                let d = 20.0 + 0.03 * (u - 130.0) - 0.05 * (v - 40.0) + deviation * noise;
+                [u, v, if random.f64() < wrong { 60.0 * random.f64() } else { d }]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn planes_are_found_in_spite_of_noise_and_mismatches() {
+        for (deviation, wrong, tolerance) in [(0.0, 0.0, 1e-9), (0.1, 0.0, 0.01), (0.1, 0.2, 0.01), (0.1, 0.45, 0.02)] {
+            let plane = PlaneFit::new(&pixels(deviation, wrong)).unwrap();
+            let [right, down] = plane.slope();
+            // Slopes matter by how much they change the disparity at the border.
+            let errors = [plane.disparity([130.0, 40.0]) - 20.0, 30.0 * (right - 0.03), 20.0 * (down + 0.05)];
+            assert!(errors.iter().all(|error| error.abs() <= tolerance), "{deviation}, {wrong}: {errors:?}");
+        }
+        let plane = PlaneFit::new(&pixels(0.0, 0.0)).unwrap();
+        assert!((plane.residual(&[130.0, 40.0, 21.5]) - 1.5).abs() < 1e-9, "{plane:?}");
+    }
+
+    #[test]
+    fn too_few_pixels_are_refused() {
+        let message = |pixels: &[[f64; 3]]| PlaneFit::new(pixels).unwrap_err().to_string();
+        assert!(message(&[]).contains("only 0 pixels have a disparity, a plane takes at least 100"));
+        assert!(message(&pixels(0.0, 0.0)[..99]).contains("only 99 pixels"));
+        let line: Vec<[f64; 3]> = (0..200).map(|k| [f64::from(k), 2.0 * f64::from(k), 5.0]).collect();
+        assert!(message(&line).contains("on a line"));
+        assert!(message(&[[3.0, 4.0, 5.0]; 100]).contains("on a line"));
     }
 }

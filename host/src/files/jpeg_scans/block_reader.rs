@@ -2,10 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{
-    bit_reader::{BitReader, Fault},
-    huffman_table::HuffmanTable,
-};
+use super::bit_reader::{BitReader, Fault, HuffmanTable};
 
 /// Reads blocks of 64 coefficients, or what a scan has of them.
 pub struct BlockReader<'a> {

@@ -6,13 +6,12 @@
 
 mod bit_reader;
 mod block_reader;
-mod huffman_table;
 
 use std::ops::RangeInclusive;
 
+use bit_reader::HuffmanTable;
 use bit_reader::{BitReader, Fault};
 use block_reader::BlockReader;
-use huffman_table::HuffmanTable;
 
 use super::jpeg_markers::{END_OF_IMAGE, START_OF_SCAN, is_bare, next_marker, segment};
 
@@ -41,7 +40,7 @@ pub fn check(bytes: &[u8]) -> Result<(), Fault> {
     Ok(())
 }
 
-/// What has been read of a file.
+/// The part of a file that has been read.
 #[derive(Default)]
 struct JpegFile {
     /// Width and height in pixels.
@@ -71,7 +70,7 @@ struct Scan {
 
 struct ScanComponent {
     index: usize,
-    /// Which tables it uses.
+    /// The tables that it uses.
     tables: [usize; 2],
 }
 

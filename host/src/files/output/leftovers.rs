@@ -1,4 +1,4 @@
-//! What programs that were killed have left behind.
+//! Files that killed programs have left behind.
 //!
 //! A running program locks its temporary files and folders. The system releases the locks however the program ends, so what is
 //! not locked belongs to none that runs.
@@ -11,13 +11,13 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// How the names of temporary files and folders begin.
+/// The beginning of the names of temporary files and folders.
 pub const PREFIX: &str = ".multiscopic-";
-/// How many letters and digits follow.
+/// The number of letters and digits that follow.
 pub const RANDOM_CHARACTERS: usize = 6;
 
-/// Locks a temporary file or folder that was just made. False if another program was faster, took it for a leftover, and deletes
-/// it.
+/// Locks a temporary file or folder that was just made. False if another program was faster, took it for a leftover, and
+/// deletes it.
 pub fn lock(opened: &File, path: &Path) -> bool {
     match opened.try_lock() {
         Ok(()) => path.exists(),

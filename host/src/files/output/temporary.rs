@@ -22,7 +22,7 @@ pub struct Temporary<T> {
     // Deleted before it is no longer listed.
     inner: T,
     _listed: Listed,
-    /// What keeps the lock of a folder. A file keeps its own.
+    /// The file that keeps the lock of a folder. A file keeps its own.
     _folder: Option<File>,
 }
 
@@ -83,13 +83,13 @@ impl Temporary<TempDir> {
 /// A file or folder that is written, but does not have its final name yet.
 #[derive(Debug)]
 pub struct Complete {
-    /// What is written.
+    /// The output that is written.
     pub output: Written,
     /// Its final name.
     pub target: PathBuf,
 }
 
-/// What [`Complete`] can be.
+/// The kinds of [`Complete`] output.
 #[derive(Debug)]
 pub enum Written {
     /// A file.
@@ -181,7 +181,8 @@ fn break_seal(seal: &Path, new: Option<&Complete>) -> io::Result<()> {
     }
 }
 
-/// Deletes all outputs that are not finished, and lets none be made or finished from now on: for a program that is about to end.
+/// Deletes all outputs that are not finished, and lets none be made or finished from now on: for a program that is about to
+/// end.
 ///
 /// Threads that write outputs wait until it has ended.
 pub fn abandon() {

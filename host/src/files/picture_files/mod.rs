@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::{
     error::{Error, Result},
-    files::{image_codec, input, pfm},
+    files::{Limits, image_codec, pfm},
     images::{BitDepth, FloatImage, Picture},
 };
 
@@ -16,38 +16,38 @@ impl Picture {
     ///
     /// 16-bit samples are scaled so that white is 65535, rounded to nearest. White is the maximum that a PGM or PPM names, or
     /// else the largest number of [`BitDepth::of_brightest`] bits of this picture: read the pictures of one capture with
-    /// [`Picture::read_with_depth`]. A PFM holds grey values from 0 to 1, which are rounded to 8 bits. The picture is turned as
+    /// [`Picture::read_within`]. A PFM holds grey values from 0 to 1, which are rounded to 8 bits. The picture is turned as
     /// its EXIF orientation says, and transparency is dropped.
     ///
     /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if the file has another format, is truncated or damaged, or if
-    /// the picture has a side of 0 or more than 65535 pixels, or more than [`Picture::max_pixels`] in all. A JPEG is damaged
-    /// if its codes end too early or too late; a change of its bits that leaves them in step cannot be told.
+    /// [`Error::Read`], or [`Error::Format`] if the file has another format or is truncated or damaged, or
+    /// [`Error::PictureSize`] if it has a side of 0 or more than 65535 pixels, or more than [`Limits::DEFAULT`] in all. A JPEG
+    /// is damaged if its codes end too early or too late; a change of its bits that leaves them in step cannot be told.
     pub fn read(path: &Path) -> Result<Picture> {
-        Picture::decode(path, &input::read(path)?)
+        Picture::read_within(path, None, Limits::DEFAULT)
     }
 
-    /// Reads a file as [`Picture::read`] does, with this depth of 16-bit samples if there is one. It does not matter to 8-bit
-    /// files, nor to a PGM or PPM that names another maximum than 65535.
+    /// Reads a file as [`Picture::read`] does, of a size within `limits`, and with this depth of 16-bit samples if there is
+    /// one. The depth does not matter to 8-bit files, nor to a PGM or PPM that names another maximum than 65535.
     ///
     /// # Errors
     /// Those of [`Picture::read`], and [`Error::Format`] if a sample is above the maximum of the depth.
-    pub fn read_with_depth(path: &Path, depth: Option<BitDepth>) -> Result<Picture> {
-        decode(path, &input::read(path)?, depth)
+    pub fn read_within(path: &Path, depth: Option<BitDepth>, limits: Limits) -> Result<Picture> {
+        decode(path, &limits.read(path)?, depth, limits)
     }
 
-    /// The brightest of all 16-bit samples in files, for [`BitDepth::of_brightest`]. A PGM or PPM that names another maximum than
-    /// 65535 does not count. `None` if no file has such samples.
+    /// The brightest of all 16-bit samples in files, for [`BitDepth::of_brightest`]. A PGM or PPM that names another maximum
+    /// than 65535 does not count. `None` if no file has such samples.
     ///
     /// # Errors
     /// Those of [`Picture::read`]. Files whose samples do not count are not decoded, and may be damaged.
-    pub fn brightest(paths: &[&Path]) -> Result<Option<u16>> {
+    pub fn brightest(paths: &[&Path], limits: Limits) -> Result<Option<u16>> {
         let brightest = |path: &&Path| {
-            let bytes = input::read(path)?;
-            if pfm::is_pfm(&bytes) || !image_codec::is_depth_unknown(path, &bytes)? {
+            let bytes = limits.read(path)?;
+            if pfm::is_pfm(&bytes) || !image_codec::is_depth_unknown(path, &bytes, limits)? {
                 return Ok(None);
             }
-            Ok(Some(brightest_of(&without_alpha(image_codec::decode(path, &bytes)?))))
+            Ok(Some(brightest_of(&without_alpha(image_codec::decode(path, &bytes, limits)?))))
         };
         // All are waited for, so that the error is always that of the first file.
         let found: Vec<Result<Option<u16>>> = paths.par_iter().map(brightest).collect();
@@ -55,7 +55,7 @@ impl Picture {
     }
 
     pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Picture> {
-        decode(path, bytes, None)
+        decode(path, bytes, None, Limits::DEFAULT)
     }
 
     /// Writes a PNG file of the picture's depth.
@@ -72,12 +72,12 @@ impl Picture {
     }
 }
 
-fn decode(path: &Path, bytes: &[u8], depth: Option<BitDepth>) -> Result<Picture> {
+fn decode(path: &Path, bytes: &[u8], depth: Option<BitDepth>, limits: Limits) -> Result<Picture> {
     if pfm::is_pfm(bytes) {
-        return from_float(path, &pfm::decode(path, bytes)?);
+        return from_float(path, &pfm::decode(path, bytes, limits)?);
     }
-    let mut picture = without_alpha(image_codec::decode(path, bytes)?);
-    if image_codec::is_depth_unknown(path, bytes)? {
+    let mut picture = without_alpha(image_codec::decode(path, bytes, limits)?);
+    if image_codec::is_depth_unknown(path, bytes, limits)? {
         let brightest = brightest_of(&picture);
         let depth = depth.unwrap_or(BitDepth::of_brightest(brightest));
         if brightest > depth.white() {

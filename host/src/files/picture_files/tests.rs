@@ -94,11 +94,11 @@ fn sixteen_bits_are_read_by_their_depth() {
         let samples = [brightest, 100, 0];
         let expected = samples.map(|sample| (f64::from(sample) * 65535.0 / f64::from(brightest)).round() as u16);
         for depth in [None, Some(depth)] {
-            assert_eq!(deep(super::decode(Path::new("p"), &deep_png(&samples), depth)), expected);
+            assert_eq!(deep(super::decode(Path::new("p"), &deep_png(&samples), depth, Limits::DEFAULT)), expected);
         }
-        assert_eq!(deep(super::decode(Path::new("p"), &deep_png(&samples), Some(BitDepth::Sixteen))), samples);
+        assert_eq!(deep(super::decode(Path::new("p"), &deep_png(&samples), Some(BitDepth::Sixteen), Limits::DEFAULT)), samples);
         let brighter = deep_png(&[7, brightest + 1]);
-        let message = super::decode(Path::new("p.png"), &brighter, Some(depth)).unwrap_err().to_string();
+        let message = super::decode(Path::new("p.png"), &brighter, Some(depth), Limits::DEFAULT).unwrap_err().to_string();
         let (found, bits) = (brightest + 1, depth.bits());
         let expected = format!("p.png: found a sample of {found}, expected at most {brightest}, the maximum of {bits} bits");
         assert_eq!(message, expected);
@@ -107,7 +107,7 @@ fn sixteen_bits_are_read_by_their_depth() {
     assert_eq!(deep(decode(b"P5 2 1 65535\n\x03\xFF\x00\x00")), [65535, 0]);
     // A header that names the maximum is believed, whatever the depth and however dark the picture is.
     for depth in [None, Some(BitDepth::Ten)] {
-        let named = super::decode(Path::new("p"), b"P5 2 1 4095\n\x01\x00\x02\x00", depth);
+        let named = super::decode(Path::new("p"), b"P5 2 1 4095\n\x01\x00\x02\x00", depth, Limits::DEFAULT);
         assert_eq!(deep(named), [4097, 8194]);
     }
 }
@@ -122,12 +122,12 @@ fn the_brightest_sample_of_all_files_counts() {
     let (dark, bright) = (file("a.png", &deep_png(&[9, 4])), file("b.pgm", b"P5 1 1 65535\n\x0F\x00"));
     let others = [file("c.pgm", b"P5 1 1 60000\n\x80\x00"), file("d.png", &png(scene())), file("e.pfm", &pfm())];
     let mut all: Vec<&Path> = others.iter().map(std::path::PathBuf::as_path).collect();
-    assert_eq!(Picture::brightest(&all).unwrap(), None);
+    assert_eq!(Picture::brightest(&all, Limits::DEFAULT).unwrap(), None);
     all.extend([&*dark, &*bright]);
-    assert_eq!(Picture::brightest(&all).unwrap(), Some(0x0F00));
+    assert_eq!(Picture::brightest(&all, Limits::DEFAULT).unwrap(), Some(0x0F00));
     let damaged = file("f.png", &deep_png(&[1, 2])[..40]);
     let none = dir.path().join("g.png");
-    let message = Picture::brightest(&[&dark, &damaged, &none]).unwrap_err().to_string();
+    let message = Picture::brightest(&[&dark, &damaged, &none], Limits::DEFAULT).unwrap_err().to_string();
     assert!(message.contains("f.png"), "{message}");
 }
 
@@ -140,13 +140,13 @@ fn writes_what_it_reads() {
     let gray = ImageBuffer::from_raw(6, 6, samples).map(Picture::Gray16).unwrap();
     for picture in [rgb.clone().into_8_bits(), gray.clone().into_8_bits(), rgb, gray] {
         picture.write_png(&path).unwrap();
-        assert_eq!(Picture::read_with_depth(&path, Some(BitDepth::Sixteen)).unwrap(), picture);
+        assert_eq!(Picture::read_within(&path, Some(BitDepth::Sixteen), Limits::DEFAULT).unwrap(), picture);
     }
 }
 
-/// EXIF data with one entry, the orientation, after the TIFF header of the EXIF specification (CIPA DC-008, 4.5.2): the order of
-/// bytes, 42, the place of the first directory; its number of entries; tag 0x0112 of type 3 (SHORT) and length 1; and no next
-/// directory.
+/// EXIF data with one entry, the orientation, after the TIFF header of the EXIF specification (CIPA DC-008, 4.5.2): the order
+/// of bytes, 42, the place of the first directory; its number of entries; tag 0x0112 of type 3 (SHORT) and length 1; and no
+/// next directory.
 fn exif(orientation: u16, big_endian: bool) -> Vec<u8> {
     let short = |value: u16| if big_endian { value.to_be_bytes() } else { value.to_le_bytes() };
     let long = |value: u32| if big_endian { value.to_be_bytes() } else { value.to_le_bytes() };
@@ -170,8 +170,8 @@ fn tagged_jpeg(jpeg: &[u8], exif: &[u8]) -> Vec<u8> {
     [&jpeg[..2], b"\xFF\xE1", &length, b"Exif\0\0", exif, &jpeg[2..]].concat()
 }
 
-/// Where pixel `(u, v)` of an upright picture of `w` x `h` pixels is stored: orientation 6, say, has the upright picture's right
-/// column in its first row, and its top row in its first column.
+/// Returns the place at which pixel `(u, v)` of an upright picture of `w` x `h` pixels is stored: orientation 6, say, has the
+/// upright picture's right column in its first row, and its top row in its first column.
 fn stored_at(orientation: u16, [w, h]: [u32; 2], [u, v]: [u32; 2]) -> [u32; 2] {
     match orientation {
         2 => [w - 1 - u, v],

@@ -1,10 +1,12 @@
 //! `rig.toml`: the file that describes the images, camera and stage of a captured folder.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use serde::{Deserialize, Serialize};
 
-use super::{alignment_record::AlignmentRecord, provenance::Provenance};
 use crate::{
     error::{Error, Result},
     files::{frame_files::FrameFiles, toml_file},
@@ -38,6 +40,15 @@ use crate::{
 ///
 /// # [alignment]                   # written by `align`: what was wrong with the images before
 /// ```
+///
+/// ```no_run
+/// use multiscopic::{Frames, Rig};
+/// # let folder = std::path::Path::new("rig");
+/// let rig = Rig::load(folder)?;
+/// let (frames, center) = Frames::load(&rig.images.within(folder))?;
+/// let geometry = rig.geometry(frames.size());
+/// # Ok::<(), multiscopic::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {
@@ -45,7 +56,7 @@ pub struct Rig {
     pub baseline_mm: Option<f64>,
     /// Focal length in pixels, if known. Depth needs it.
     pub focal_px: Option<f64>,
-    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is at
+    /// The pixel at which the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is at
     /// `[0, 0]`. `None` for the middle of the image.
     pub principal_point: Option<[f64; 2]>,
     /// The negated disparity of a point at infinity, in pixels.
@@ -54,15 +65,15 @@ pub struct Rig {
     /// The calibration of the lens, if the images are distorted: any file that [`CameraModel::read`](crate::CameraModel::read)
     /// reads. A relative path is relative to the folder.
     pub lens: Option<PathBuf>,
-    /// How the camera is turned against the axes along which it was moved: an axis, to the right, down and ahead, times an angle
-    /// in degrees. Needs the focal length, unless `lens` has it.
+    /// The rotation of the camera against the axes along which it was moved: an axis, to the right, down and ahead, times an
+    /// angle in degrees. Needs the focal length, unless `lens` has it.
     pub mount_rotation_deg: Option<[f64; 3]>,
     /// The image files.
     pub images: FrameFiles,
-    /// How the images were captured.
+    /// The circumstances in which the images were captured.
     #[serde(default)]
     pub capture: Provenance,
-    /// What was wrong with the images before `align` rectified them, if it did.
+    /// The misalignment of the images before `align` rectified them, if it did.
     pub alignment: Option<AlignmentRecord>,
 }
 
@@ -100,7 +111,7 @@ impl Rig {
         Some(Geometry { focal_px: focal_px?, baseline_mm: baseline_mm?, principal_point: self.principal_point(size), doffs })
     }
 
-    /// Where the optical axis meets images of a size.
+    /// Returns the pixel at which the optical axis meets images of a size.
     pub fn principal_point(&self, size: [usize; 2]) -> [f64; 2] {
         self.principal_point.unwrap_or(size.map(|side| (side as f64 - 1.0) / 2.0))
     }
@@ -139,6 +150,78 @@ impl Rig {
         }
         Ok(())
     }
+}
+
+/// The `[alignment]` of a `rig.toml` whose images are rectified: what was wrong with the original ones. It tells people, and
+/// changes nothing about matching.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AlignmentRecord {
+    /// The rotation between the camera and the axes along which the views stand, about the axes to the right, down and ahead,
+    /// in degrees.
+    pub common_rotation_deg: [f64; 3],
+    /// Its standard deviations; NaN for an angle that the views do not determine, as that about a single baseline.
+    pub common_rotation_deviation_deg: [f64; 3],
+    /// The misalignment of each view, by its name.
+    pub views: BTreeMap<String, Residual>,
+}
+
+/// The `[capture]` of a `rig.toml`: how the rig was captured, as far as it is known.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// The camera and its settings.
+    pub camera: Option<String>,
+    /// The stage that moved the camera.
+    pub stage: Option<String>,
+    /// The date of the capture.
+    pub date: Option<String>,
+    /// The error with which the stage returns to a position, in millimetres.
+    pub repeatability_mm: Option<f64>,
+    /// Anything else worth knowing.
+    pub notes: Option<String>,
+}
+
+/// The distance of a view from where it should be, and its rotation. Deviations are standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Residual {
+    /// The median shift of matches across the baseline, in pixels: to the right for views in the centre's column, and down
+    /// for others.
+    pub across_px: f64,
+    /// The rotation of the camera since the centre image, about the axes to the right, down and ahead, in degrees.
+    pub rotation_deg: [f64; 3],
+    /// The deviations of the rotation, in degrees.
+    pub rotation_deviation_deg: [f64; 3],
+    /// The scale of the image relative to the centre.
+    pub scale: f64,
+    /// The deviation of the scale.
+    pub scale_deviation: f64,
+    /// The length of the baseline relative to the mean of all views; 1 if there is only one view.
+    pub baseline_scale: f64,
+    /// The deviation of that length.
+    pub baseline_scale_deviation: f64,
+    /// The error that `baseline_scale` causes at the largest disparity of the search, in pixels.
+    pub baseline_px: f64,
+    /// The angle from where the view should be to where it is, about the optical axis, in degrees; what all views share is
+    /// not part of it.
+    pub direction_deg: f64,
+    /// The deviation of that angle, in degrees.
+    pub direction_deviation_deg: f64,
+    /// The distance of the camera ahead of the plane of the views, in baselines.
+    pub ahead: f64,
+    /// The deviation of that distance.
+    pub ahead_deviation: f64,
+    /// The brightness of the view relative to the centre, as a ratio of grey values.
+    pub gain: f64,
+    /// The number of corners on which the estimate rests.
+    pub points: usize,
+    /// The median epipolar error of the matches, as Sampson (1982) measures it: how far a corner and its match must move,
+    /// together, to be on one epipolar line of an ideal rig, in pixels. It is the distance of the match from the corner across
+    /// the baseline over the square root of 2, as each of them moves half of that way.
+    pub sampson_px: f64,
+    /// The same after rectification.
+    pub rectified_sampson_px: f64,
 }
 
 #[cfg(test)]

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use multiscopic_core::Disparity;
 
-use super::cdr::Cdr;
 use crate::{
     files::ply::CloudPoint,
     images::{FloatImage, Geometry, Picture},
@@ -123,7 +122,7 @@ impl Stamp<'_> {
     }
 }
 
-/// What follows the header of an image.
+/// Writes what follows the header of an image.
 fn put_image(cdr: &mut Cdr, [width, height]: [u32; 2], encoding: &str, data: &[u8]) {
     cdr.u32(height);
     cdr.u32(width);
@@ -142,4 +141,151 @@ fn put_floats(cdr: &mut Cdr, image: &FloatImage, value: impl Fn(f32) -> f32) {
 fn put_region(cdr: &mut Cdr, [width, height]: [usize; 2]) {
     [0, 0, height as u32, width as u32].into_iter().for_each(|value| cdr.u32(value));
     cdr.u8(false);
+}
+
+/// A message that is being written: little-endian, each number at a multiple of its size.
+#[derive(Clone, Debug)]
+pub struct Cdr {
+    /// Numbers are aligned from here on.
+    body: Vec<u8>,
+}
+
+impl Cdr {
+    /// The bytes before the body: plain CDR, little-endian, no options.
+    const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+
+    /// A message without fields yet.
+    pub fn new() -> Cdr {
+        Cdr { body: Vec::new() }
+    }
+
+    /// The message as it is sent.
+    pub fn into_bytes(self) -> Vec<u8> {
+        [&Self::ENCAPSULATION[..], &self.body].concat()
+    }
+
+    /// A byte, or a truth value.
+    pub fn u8(&mut self, value: impl Into<u8>) {
+        self.body.push(value.into());
+    }
+
+    pub fn u32(&mut self, value: u32) {
+        self.aligned(value.to_le_bytes());
+    }
+
+    pub fn i32(&mut self, value: i32) {
+        self.aligned(value.to_le_bytes());
+    }
+
+    pub fn f32(&mut self, value: f32) {
+        self.aligned(value.to_le_bytes());
+    }
+
+    /// An array of a fixed length.
+    pub fn f64s(&mut self, values: &[f64]) {
+        values.iter().for_each(|value| self.aligned(value.to_le_bytes()));
+    }
+
+    /// The length of a sequence whose elements follow.
+    pub fn length(&mut self, length: usize) {
+        self.u32(u32::try_from(length).expect("messages are far shorter than 4 GiB"));
+    }
+
+    /// A sequence of bytes.
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        self.length(bytes.len());
+        self.body.extend_from_slice(bytes);
+    }
+
+    /// A text, which ends in a zero.
+    pub fn string(&mut self, text: &str) {
+        self.bytes(&[text.as_bytes(), &[0]].concat());
+    }
+
+    fn aligned<const SIZE: usize>(&mut self, bytes: [u8; SIZE]) {
+        self.body.resize(self.body.len().next_multiple_of(SIZE), 0);
+        self.body.extend_from_slice(&bytes);
+    }
+}
+
+/// A type of message.
+#[derive(Clone, Copy, Debug)]
+pub struct Definition {
+    /// The package and the name.
+    name: &'static str,
+    /// A field in each line.
+    fields: &'static str,
+    /// The types of fields that are messages, and those of theirs.
+    types: &'static [&'static Definition],
+}
+
+const TIME: Definition = Definition { name: "builtin_interfaces/Time", fields: "int32 sec\nuint32 nanosec", types: &[] };
+const HEADER: Definition =
+    Definition { name: "std_msgs/Header", fields: "builtin_interfaces/Time stamp\nstring frame_id", types: &[&TIME] };
+const REGION: Definition = Definition {
+    name: "sensor_msgs/RegionOfInterest",
+    fields: "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify",
+    types: &[],
+};
+const POINT_FIELD: Definition =
+    Definition { name: "sensor_msgs/PointField", fields: "string name\nuint32 offset\nuint8 datatype\nuint32 count", types: &[] };
+
+pub const IMAGE: Definition = Definition {
+    name: "sensor_msgs/Image",
+    fields: "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data",
+    types: &[&HEADER, &TIME],
+};
+
+pub const CAMERA_INFO: Definition = Definition {
+    name: "sensor_msgs/CameraInfo",
+    fields: "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\nfloat64[9] r\n\
+             float64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi",
+    types: &[&HEADER, &TIME, &REGION],
+};
+
+pub const POINT_CLOUD: Definition = Definition {
+    name: "sensor_msgs/PointCloud2",
+    fields: "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n\
+             uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense",
+    types: &[&HEADER, &TIME, &POINT_FIELD],
+};
+
+pub const DISPARITY_IMAGE: Definition = Definition {
+    name: "stereo_msgs/DisparityImage",
+    fields: "std_msgs/Header header\nsensor_msgs/Image image\nfloat32 f\nfloat32 t\nsensor_msgs/RegionOfInterest valid_window\n\
+             float32 min_disparity\nfloat32 max_disparity\nfloat32 delta_d",
+    types: &[&HEADER, &TIME, &IMAGE, &REGION],
+};
+
+impl Definition {
+    /// The name of the schema.
+    pub fn full_name(&self) -> String {
+        self.name.replacen('/', "/msg/", 1)
+    }
+
+    /// The text of the schema: the fields, then those of the types that they have.
+    pub fn text(&self) -> String {
+        let line = "=".repeat(80);
+        let types = self.types.iter().map(|Definition { name, fields, .. }| format!("\n{line}\nMSG: {name}\n{fields}"));
+        self.fields.to_owned() + &types.collect::<String>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_lie_at_multiples_of_their_size() {
+        let mut cdr = Cdr::new();
+        cdr.string("ab");
+        cdr.u8(true);
+        cdr.u32(7);
+        cdr.f64s(&[1.0]);
+        cdr.bytes(&[9]);
+        let text = [3, 0, 0, 0, b'a', b'b', 0, 1];
+        let rest = [7, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xf0, 0x3f, 1, 0, 0, 0, 9];
+        // From the body's beginning: the text at 0, the truth value at 7, 7 at 8, padding to 16, 1.0, the sequence at 24.
+        assert_eq!(cdr.into_bytes(), [&[0, 1, 0, 0][..], &text, &rest].concat());
+    }
 }

@@ -1,14 +1,10 @@
 //! Recordings for ROS 2: MCAP files, which `ros2 bag`, Foxglove and others read. Nothing of ROS is needed to write them.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
-//! | `cdr` | how messages are encoded |
-//! | `definitions` | the fields of each type of message |
-//! | `messages` | the messages |
+//! | `messages` | the messages, the fields of each type of them, and their encoding |
 //! | `rerun_file` | files for Rerun, made of recordings |
 
-mod cdr;
-mod definitions;
 mod messages;
 mod rerun_file;
 
@@ -19,9 +15,8 @@ use std::{
     time::Duration,
 };
 
-use definitions::Definition;
 use mcap::{WriteOptions, records::MessageHeader, write::NoSeek};
-use messages::Stamp;
+use messages::{Definition, Stamp};
 pub use rerun_file::check_rerun;
 
 use crate::{
@@ -30,7 +25,7 @@ use crate::{
     images::{DisparityMap, Geometry, Picture, Raster},
 };
 
-/// What was found of a scene, for ROS 2.
+/// The findings of a scene, for ROS 2.
 ///
 /// | topic | type | what |
 /// | --- | --- | --- |
@@ -46,7 +41,7 @@ pub struct RosRecording<'a> {
     pub center: &'a Picture,
     /// The disparities of its pixels.
     pub disparities: &'a DisparityMap,
-    /// How confident they are, from 0 to 255.
+    /// Their confidences, from 0 to 255.
     pub confidences: Option<&'a Raster<u8>>,
     /// The camera.
     pub geometry: &'a Geometry,
@@ -86,15 +81,15 @@ impl RosRecording<'_> {
         let points: Vec<_> = ply::points(disparities, confidences, geometry, center).collect();
         let camera = stamp.camera(geometry, size);
         let mut messages = vec![
-            ("/camera/image", &definitions::IMAGE, stamp.picture(center)),
-            ("/camera/camera_info", &definitions::CAMERA_INFO, camera.clone()),
-            ("/depth/image", &definitions::IMAGE, stamp.depth(&geometry.depths(disparities))),
-            ("/depth/camera_info", &definitions::CAMERA_INFO, camera),
-            ("/disparity", &definitions::DISPARITY_IMAGE, stamp.disparities(&disparities.to_float(), geometry, range)),
-            ("/points", &definitions::POINT_CLOUD, stamp.points(&points)),
+            ("/camera/image", &messages::IMAGE, stamp.picture(center)),
+            ("/camera/camera_info", &messages::CAMERA_INFO, camera.clone()),
+            ("/depth/image", &messages::IMAGE, stamp.depth(&geometry.depths(disparities))),
+            ("/depth/camera_info", &messages::CAMERA_INFO, camera),
+            ("/disparity", &messages::DISPARITY_IMAGE, stamp.disparities(&disparities.to_float(), geometry, range)),
+            ("/points", &messages::POINT_CLOUD, stamp.points(&points)),
         ];
         if let Some(confidences) = confidences {
-            messages.push(("/confidence/image", &definitions::IMAGE, stamp.picture(&Picture::from(confidences))));
+            messages.push(("/confidence/image", &messages::IMAGE, stamp.picture(&Picture::from(confidences))));
         }
         messages
     }

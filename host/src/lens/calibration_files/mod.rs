@@ -1,19 +1,10 @@
 //! The files in which calibrations are kept.
 //!
 //! A file whose name ends in `.toml` is a `camera.toml`. Others are YAML, and their contents tell which program wrote them:
-//!
-//! | file | format |
-//! | --- | --- |
-//! | `camera_toml` | `camera.toml`, which is also written |
-//! | `camera_info` | ROS's `camera_info`, as it is written |
-//! | `matrix_file` | ROS's `camera_info` and OpenCV's `FileStorage`: a camera matrix and distortion coefficients |
-//! | `camchain` | Kalibr's camera chain |
-//! | `yaml` | YAML documents, and errors that name the field |
+//! ROS's `camera_info` and OpenCV's `FileStorage`, which have a camera matrix and distortion coefficients, or Kalibr's camera
+//! chain. `camera.toml` and `camera_info` are also written.
 
-mod camchain;
-mod camera_info;
-mod camera_toml;
-mod matrix_file;
+mod layouts;
 mod yaml;
 
 use std::path::Path;
@@ -23,7 +14,7 @@ use crate::{
     error::{Error, Result},
     files::input,
 };
-pub(crate) use camera_toml::CameraToml;
+pub(crate) use layouts::CameraToml;
 
 impl CameraModel {
     /// The name of the file in a captured folder.
@@ -43,14 +34,14 @@ impl CameraModel {
             return Err(Error::format(path, "a folder", "the calibration of one camera: name the file in it"));
         }
         let camera = match is_toml(path) {
-            true => camera_toml::read(path)?,
+            true => layouts::read_camera_toml(path)?,
             false => {
                 let text = input::read_text(path)?;
                 let document = yaml::Document::parse(path, &text)?;
                 let fields = document.fields()?;
-                match camchain::is_camchain(&fields) {
-                    true => camchain::read(&fields)?,
-                    false => matrix_file::read(&fields)?,
+                match layouts::is_camchain(&fields) {
+                    true => layouts::read_camchain(&fields)?,
+                    false => layouts::read_matrix_file(&fields)?,
                 }
             }
         };
@@ -69,12 +60,12 @@ impl CameraModel {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Format`] if a value is out of range or the name ends otherwise, and [`Error::Write`]. Any previous version of the
-    /// file is unchanged.
+    /// [`Error::Format`] if a value is out of range or the name ends otherwise, and [`Error::Write`]. Any previous version of
+    /// the file is unchanged.
     pub fn save(&self, path: &Path) -> Result<()> {
         self.check(path)?;
         CameraModel::check_name(path)?;
-        if is_toml(path) { camera_toml::write(self, path) } else { camera_info::write(self, path) }
+        if is_toml(path) { layouts::write_camera_toml(self, path) } else { layouts::write_camera_info(self, path) }
     }
 
     /// Refuses a name for [`save`](CameraModel::save) that ends neither in `.toml` nor in `.yaml` or `.yml`.

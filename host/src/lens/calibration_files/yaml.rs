@@ -7,7 +7,7 @@ use saphyr_parser::{Event, Parser};
 
 use crate::error::{Error, Result};
 
-/// How deeply a calibration may be nested. Loading it recurses as deeply.
+/// The greatest depth to which a calibration may be nested. Loading it recurses as deeply.
 const MAX_DEPTH: usize = 100;
 
 /// The first document of a YAML file.
@@ -41,7 +41,7 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Whether a YAML text is nested more deeply than `most` levels, up to where it is damaged.
+/// Returns true if a YAML text is nested more deeply than `most` levels, up to where it is damaged.
 fn is_deeper_than(most: usize, text: &str) -> bool {
     let depth = Parser::new_from_str(text).map_while(|event| event.ok()).scan(0_usize, |depth, (event, _)| {
         match event {
@@ -162,7 +162,7 @@ fn number(node: &Yaml) -> Option<f64> {
     node.as_floating_point().or_else(|| node.as_integer().map(|number| number as f64))
 }
 
-/// What a node is, in words.
+/// Describes a node in words.
 fn describe(node: &Yaml) -> String {
     if let Some(text) = node.as_str() {
         return format!("{text:?}");

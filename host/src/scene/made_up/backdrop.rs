@@ -1,12 +1,16 @@
-//! What fills the image behind everything else.
+//! The objects that fill the image behind everything else.
 
-use super::{coatings::Coatings, dice::Dice, viewport::Viewport};
-use crate::scene::{object::Object, pose::Pose, shape::Shape, vec3::Vec3};
+use super::{NOMINAL_WIDTH, coatings::Coatings, flaws::Dice};
+use crate::scene::{
+    description::{Lamp, Object},
+    shape::Shape,
+    vec3::{Pose, Ray, Vec3},
+};
 
 /// Wide enough for any image, in millimetres.
 const WIDE: f64 = 1e6;
 
-/// How much wider than the centre the views see, together.
+/// The width that all views see together, in widths of what the centre sees.
 const MARGIN: f64 = 1.3;
 
 /// A wall, of which every ray meets one, and perhaps more surfaces before it.
@@ -88,4 +92,119 @@ fn bulge(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Object {
         false => Shape::Rod { half_length: 20.0 * depth, radius },
     };
     coatings.backdrop(dice, false).object(shape, pose.turned(2, dice.between(-1.0, 1.0)), viewport.footprint(depth))
+}
+
+/// A lamp beside, above or behind the camera, and the ambient light from above and below.
+pub fn illumination(dice: &mut Dice, viewport: &Viewport, backdrop: &[Object]) -> (Lamp, [Vec3; 2]) {
+    let depth = viewport.depth(dice.between(viewport.far, viewport.near));
+    let mut center = Vec3::new(dice.between(-1.5, 1.5), dice.between(-0.5, 1.5), dice.between(-2.5, 0.1)) * depth;
+    // A lamp behind a wall lights nothing. The camera sees all walls, so one near it lights them.
+    while is_hidden(center, backdrop) {
+        center = center * 0.6;
+    }
+    let target = viewport.point(viewport.half.map(|half| dice.around_zero(half)), depth);
+    let towards = (target - center).normalized();
+    let u = Vec3::Y.cross(towards).normalized();
+    let size = depth * dice.mostly_low(0.02, 0.25);
+    let distance = (target - center).length();
+    let strength = dice.between(0.5, 1.0) * distance * distance / 1e6;
+    // The lamp shines towards `u x v`.
+    let lamp = Lamp { center, half_u: u * size, half_v: towards.cross(u) * size, light: tinted(dice, strength) };
+    let ambient = dice.mostly_low(0.2, 1.2);
+    let sky = tinted(dice, ambient);
+    let below = ambient * dice.between(0.3, 0.9);
+    (lamp, [sky, tinted(dice, below)])
+}
+
+/// Returns true if the backdrop hides a point from the camera.
+fn is_hidden(point: Vec3, backdrop: &[Object]) -> bool {
+    let blocks = |Object { shape, pose, .. }: &Object| {
+        let ray = Ray { origin: pose.local_point(Vec3::ZERO), direction: pose.local_direction(point) };
+        shape.hit(&ray).is_some_and(|(t, _)| t < 1.1)
+    };
+    backdrop.iter().any(blocks)
+}
+
+fn tinted(dice: &mut Dice, light: f64) -> Vec3 {
+    [(); 3].map(|()| light * dice.between(0.85, 1.0)).into()
+}
+
+/// The centre camera in nominal pixels. Places are given from the image's middle, to the right and down.
+#[derive(Clone, Copy, Debug)]
+pub struct Viewport {
+    /// The focal length.
+    pub focal: f64,
+    /// From the middle of the image to its right and bottom edge.
+    pub half: [f64; 2],
+    /// The distance between cameras in millimetres.
+    pub baseline_mm: f64,
+    /// The disparity of what is farthest in the image, and of what is nearest.
+    pub far: f64,
+    pub near: f64,
+}
+
+impl Viewport {
+    /// A camera that sees images of a size: its height follows from [`NOMINAL_WIDTH`].
+    pub fn half_of([width, height]: [u32; 2]) -> [f64; 2] {
+        let half = NOMINAL_WIDTH / 2.0;
+        [half, half * f64::from(height) / f64::from(width)]
+    }
+
+    /// The camera: at the origin, level. The image's v axis points down, the world's y axis up.
+    pub fn pose() -> Pose {
+        Pose { origin: Vec3::ZERO, axes: [Vec3::X, -Vec3::Y, Vec3::Z] }
+    }
+
+    /// The depth of a disparity in millimetres.
+    pub fn depth(&self, disparity: f64) -> f64 {
+        self.focal * self.baseline_mm / disparity
+    }
+
+    /// The millimetres that a pixel shows at a depth.
+    pub fn footprint(&self, depth: f64) -> f64 {
+        depth / self.focal
+    }
+
+    /// The point that is seen at a place at a depth.
+    pub fn point(&self, [x, y]: [f64; 2], depth: f64) -> Vec3 {
+        let footprint = self.footprint(depth);
+        Vec3::new(x * footprint, -y * footprint, depth)
+    }
+
+    /// The pose of the plane with this disparity at a place, which grows by `slope` with each pixel to the right and down. Its
+    /// z axis is the plane's normal, and its x axis lies in the image plane.
+    pub fn plane(&self, [x, y]: [f64; 2], disparity: f64, slope: [f64; 2]) -> Pose {
+        // On the plane `normal . p = 1`, the disparity at (u, v) is proportional to `normal . (u / focal, v / focal, 1)`.
+        let middle = disparity - slope[0] * x - slope[1] * y;
+        let normal = Vec3::new(slope[0] * self.focal, -slope[1] * self.focal, middle).normalized();
+        let right = Vec3::Y.cross(normal).normalized();
+        Pose { origin: self.point([x, y], self.depth(disparity)), axes: [right, normal.cross(right), normal] }
+    }
+
+    /// `slope` made flatter, if a plane would otherwise leave the range of disparities within `reach` pixels of where it has
+    /// `disparity`.
+    pub fn limited(&self, slope: [f64; 2], disparity: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+        let change = slope[0].abs() * x + slope[1].abs() * y;
+        let most = (self.near - disparity).min(0.6 * disparity).max(0.0);
+        if change > most { slope.map(|slope| slope * most / change) } else { slope }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_has_the_disparities_that_it_was_made_for() {
+        let viewport = Viewport { focal: 300.0, half: [128.0, 96.0], baseline_mm: 20.0, far: 2.0, near: 20.0 };
+        let (place, disparity, slope) = ([30.0, -40.0], 7.0, [0.02, -0.03]);
+        let pose = viewport.plane(place, disparity, slope);
+        for (x, y) in [(30.0, -40.0), (0.0, 0.0), (-100.0, 80.0), (120.0, -90.0)] {
+            let direction = viewport.point([x, y], 1.0);
+            let depth = pose.axes[2].dot(pose.origin) / pose.axes[2].dot(direction);
+            let expected = disparity + slope[0] * (x - place[0]) + slope[1] * (y - place[1]);
+            assert!((viewport.depth(expected) - depth).abs() < 1e-9 * depth, "({x}, {y})");
+        }
+        assert!(pose.axes[0].cross(pose.axes[1]).dot(pose.axes[2]) > 0.999_999);
+    }
 }

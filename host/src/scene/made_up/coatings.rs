@@ -1,15 +1,24 @@
 //! Random colours, textures and finishes.
 
-use super::{dice::Dice, setting::Setting};
+use super::flaws::Dice;
 use crate::scene::{
-    object::{Finish, Object},
-    pose::Pose,
+    description::{Finish, Object},
     shape::Shape,
     texture::{Motif, Placement, Texture},
-    vec3::Vec3,
+    vec3::{Pose, Vec3},
 };
 
-/// What objects of one scene look like.
+/// The place where a random scene is captured, and the camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Setting {
+    /// Anything, by a small and noisy camera on a cheap stage.
+    #[default]
+    Field,
+    /// Before walls that are often plain, by a good camera on an exact stage, as most published data sets are.
+    Studio,
+}
+
+/// The looks of the objects of one scene.
 pub struct Coatings {
     range: Range,
     /// The share of objects that look alike, and how they look.
@@ -30,14 +39,14 @@ struct Range {
     tint: Option<Vec3>,
 }
 
-/// What one object looks like.
+/// The look of one object.
 #[derive(Clone, Copy)]
 pub struct Coating {
     texture: Texture,
     finish: Finish,
     /// The size of a unit of the texture in pixels.
     zoom: f64,
-    /// Where the texture begins.
+    /// The origin of the texture.
     pose: Pose,
 }
 

@@ -1,37 +1,34 @@
-//! What is wrong with a camera and its stage.
+//! Flaws of a camera and its stage.
 
 use multiscopic_core::Frame;
 
-use super::dice::Dice;
 use crate::{
     images::Raster,
     scene::{
-        pinhole_camera::{PinholeCamera, frame_number},
-        pose::Pose,
-        posed_camera::PosedCamera,
-        random::hash,
-        vec3::Vec3,
+        pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
+        random::{hash, unit},
+        vec3::{Pose, Vec3},
     },
 };
 
-/// How the frames of a capture differ from those of an ideal rig, besides the noise of [`PinholeCamera`] and its misses.
+/// The differences of a capture's frames from those of an ideal rig, besides the noise of [`PinholeCamera`] and its misses.
 ///
-/// The imperfections of simulated hardware are others: they describe a stage and a lens, and take angles, whose sines are not the
-/// same on every machine to the last bit.
+/// The imperfections of simulated hardware are others: they describe a stage and a lens, and take angles, whose sines are not
+/// the same on every machine to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flaws {
     /// Decides what differs from frame to frame.
     pub seed: u64,
     /// The most by which a view is turned up, down, left or right, in pixels, and at the left and right edge about the optical
     /// axis.
-    pub turned_px: f64,
+    pub(crate) turned_px: f64,
     /// The most by which the brightness of a view differs, as a share of it.
     pub gain: f64,
     /// The stray light on every pixel, of which white is 1, and the most by which it differs between frames.
-    pub stray: [f64; 2],
+    pub(crate) stray: [f64; 2],
     /// The share of its light that a pixel gives to its neighbours in the row, and then to those in the column, each time.
-    pub blur: f64,
-    /// How often it does.
+    pub(crate) blur: f64,
+    /// The number of times that it does.
     pub blurs: u32,
 }
 
@@ -92,11 +89,63 @@ fn blur(light: &mut Raster<Vec3>, share: f64) {
     }
 }
 
+/// Random numbers in the order in which they are drawn, the same on every machine.
+#[derive(Clone, Debug)]
+pub struct Dice(u64);
+
+impl Dice {
+    pub fn new(seed: u64) -> Dice {
+        Dice(hash(seed))
+    }
+
+    /// Bits from which other sequences may start.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = hash(self.0);
+        self.0
+    }
+
+    /// A number from `low` to `high`, all equally likely.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * unit(self.bits())
+    }
+
+    /// A number from `low` to `high`, of which half are in the first quarter.
+    pub(crate) fn mostly_low(&mut self, low: f64, high: f64) -> f64 {
+        let share = unit(self.bits());
+        low + (high - low) * share * share
+    }
+
+    /// A number from `-most` to `most`, of which half are less than a quarter of it.
+    pub(crate) fn around_zero(&mut self, most: f64) -> f64 {
+        let share = self.between(-1.0, 1.0);
+        most * share * share.abs()
+    }
+
+    /// Decides by chance if something of this probability happens.
+    pub(crate) fn happens(&mut self, probability: f64) -> bool {
+        unit(self.bits()) < probability
+    }
+
+    /// A whole number from `low` to `high`, both included.
+    pub fn count(&mut self, low: u32, high: u32) -> u32 {
+        low + (self.bits() % u64::from(high - low + 1)) as u32
+    }
+
+    /// One of several things.
+    pub(crate) fn pick<T: Copy, const N: usize>(&mut self, choices: [T; N]) -> T {
+        choices[(self.bits() % N as u64) as usize]
+    }
+
+    /// The pose turned about its own axes, each half turn in either direction being possible.
+    pub fn turned(&mut self, pose: Pose) -> Pose {
+        (0..3).fold(pose, |pose, axis| pose.turned(axis, self.between(-1.0, 1.0)))
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use multiscopic_core::View;
-
     use super::*;
+    use multiscopic_core::View;
 
     const RIGHT: Frame = Frame::View(View::RIGHT);
 

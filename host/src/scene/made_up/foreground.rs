@@ -1,11 +1,15 @@
 //! The objects before the backdrop.
 
 use super::{
+    backdrop::Viewport,
     coatings::{Coating, Coatings},
-    dice::Dice,
-    viewport::Viewport,
+    flaws::Dice,
 };
-use crate::scene::{object::Object, pose::Pose, shape::Shape, vec3::Vec3};
+use crate::scene::{
+    description::Object,
+    shape::Shape,
+    vec3::{Pose, Vec3},
+};
 
 /// Groups of objects at random places.
 pub fn foreground(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Vec<Object> {
@@ -32,7 +36,7 @@ struct Group<'a> {
     dice: &'a mut Dice,
     viewport: &'a Viewport,
     coatings: &'a Coatings,
-    /// Where its middle is in the image, and at which disparity.
+    /// The place of its middle in the image, and its disparity.
     place: [f64; 2],
     disparity: f64,
     objects: Vec<Object>,
@@ -87,7 +91,8 @@ impl<'a> Group<'a> {
         self.add_solid(pose, &coating, |pixel| Shape::Rod { half_length: half_length * pixel, radius: radius * pixel });
     }
 
-    /// An orientation whose y axis is turned by any angle in the image, and out of it by a tangent of at most about twice `lean`.
+    /// An orientation whose y axis is turned by any angle in the image, and out of it by a tangent of at most about twice
+    /// `lean`.
     fn in_image(&mut self, lean: f64) -> Pose {
         Pose::at(Vec3::ZERO).turned(2, self.dice.between(-1.0, 1.0)).turned(0, self.dice.around_zero(lean))
     }

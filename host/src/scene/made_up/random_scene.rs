@@ -4,18 +4,19 @@ use image::RgbImage;
 use multiscopic_core::{Frame, Views};
 
 use super::{
-    NOMINAL_WIDTH, backdrop::backdrop, coatings::Coatings, dice::Dice, flaws::Flaws, foreground::foreground,
-    illumination::illumination, setting::Setting, viewport::Viewport,
+    NOMINAL_WIDTH,
+    backdrop::{Viewport, backdrop, illumination},
+    coatings::{Coatings, Setting},
+    flaws::{Dice, Flaws},
+    foreground::foreground,
 };
 use crate::{
     images::Raster,
     scene::{
-        description::Scene,
-        object::Finish,
+        description::{Finish, Scene, Shot},
         pinhole_camera::{PinholeCamera, frame_number},
         random::hash,
         render::{Quality, Tracer, develop, light_image, pixel_hash, true_disparity},
-        shot::Shot,
         vec3::Vec3,
     },
 };
@@ -39,7 +40,7 @@ pub struct RandomScene {
     pub scene: Scene,
     /// The camera, its noise, and the stage that carries it.
     pub camera: PinholeCamera,
-    /// What else is wrong with the rig.
+    /// The other flaws of the rig.
     pub flaws: Flaws,
     /// The mean of the square root of the light in the centre frame, where white is 1.
     pub brightness: f64,
@@ -158,12 +159,10 @@ fn rig(dice: &mut Dice, viewport: &Viewport, setting: Setting, [width, height]: 
 
 #[cfg(test)]
 mod tests {
-    use std::{collections::HashSet, mem};
-
-    use multiscopic_core::View;
-
     use super::*;
-    use crate::{images::FloatImage, scene::object::Object};
+    use crate::{images::FloatImage, scene::description::Object};
+    use multiscopic_core::View;
+    use std::{collections::HashSet, mem};
 
     /// The grey value between pixels, by bilinear interpolation.
     fn gray_at(image: &RgbImage, [x, y]: [f64; 2]) -> f64 {
@@ -173,7 +172,8 @@ mod tests {
         row(v) * (1.0 + v - y) + row(v + 1.0) * (y - v)
     }
 
-    /// Whether a pixel and its neighbours at a distance of up to 2 are on one surface, as far as their disparities tell.
+    /// Returns true if a pixel and its neighbours at a distance of up to 2 are on one surface, as far as their disparities
+    /// tell.
     fn is_smooth(truth: &FloatImage, u: usize, v: usize) -> bool {
         let d = truth.get(u, v);
         (v - 2..=v + 2).all(|v| (u - 2..=u + 2).all(|u| (truth.get(u, v) - d).abs() < 0.6))

@@ -1,9 +1,6 @@
 //! Rendering the frames of a scene and its true disparities.
 
-mod quality;
 mod rays;
-mod sensor;
-mod shading;
 mod tracer;
 
 use std::ops::Add;
@@ -13,15 +10,15 @@ use multiscopic_core::{Frame, Views};
 use rayon::prelude::*;
 
 use self::rays::{RUN, Rays};
-pub use self::{quality::Quality, sensor::develop, tracer::Tracer};
+pub use self::{
+    rays::{Quality, develop},
+    tracer::Tracer,
+};
 use super::{
-    description::Scene,
-    pinhole_camera::{PinholeCamera, frame_number},
-    posed_camera::PosedCamera,
+    description::{Scene, Shot},
+    pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
     random::hash,
-    ray::Ray,
-    shot::Shot,
-    vec3::Vec3,
+    vec3::{Ray, Vec3},
 };
 use crate::images::{FloatImage, Raster};
 
@@ -162,7 +159,7 @@ pub fn true_disparity(tracer: &Tracer, camera: &PinholeCamera) -> FloatImage {
     FloatImage::new(width, height, (0..width * height).into_par_iter().map(disparity).collect())
 }
 
-/// How far each of the rays goes until it meets a surface, in units of its direction. `None` if it meets none.
+/// Returns the length of each ray up to the surface that it meets, in units of its direction. `None` if it meets none.
 pub fn trace(scene: &Scene, rays: &[Ray]) -> Vec<Option<f64>> {
     let tracer = Tracer::new(scene, Quality::Fine);
     rays.par_iter().map(|ray| tracer.nearest(ray, tracer.all()).map(|hit| hit.t)).collect()

@@ -4,7 +4,11 @@ use rayon::prelude::*;
 
 use crate::{
     lens::CameraModel,
-    scene::{pinhole_camera::PinholeCamera, pose::Pose, posed_camera::PosedCamera, ray::Ray, vec3::Vec3},
+    scene::{
+        pinhole_camera::{PinholeCamera, PosedCamera},
+        random::{self, even_square},
+        vec3::{Pose, Ray, Vec3},
+    },
 };
 
 /// Adjacent pixels of a row that share one search for the objects in view. The last run of a row may end beside the image.
@@ -63,6 +67,85 @@ impl Grid {
         let row = |j: usize| Some(mix(at(0, j)?, at(1, j)?, x.fract()));
         Some(mix(row(0)?, row(1)?, y.fract()))
     }
+}
+
+/// The number of rays that each pixel takes, and of points of the lamp that light a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// Four rays for each pixel, more at edges, and soft shadows.
+    Fine,
+    /// Two rays for each pixel, more at edges, and coarse shadows: for pictures that are blurred afterwards.
+    Quick,
+}
+
+/// The places of the rays of a quick pixel, in pixels from its middle. No two share a row or a column, and both the first two
+/// and all four are around the middle.
+const QUICK: [[f64; 2]; 4] = [[-0.375, -0.125], [0.375, 0.125], [0.125, -0.375], [-0.125, 0.375]];
+
+impl Quality {
+    /// The most rays of a pixel that sees a single smooth surface.
+    pub const MAX_SURFACE_RAYS: usize = 4;
+
+    /// The rays of a pixel that sees a single smooth surface.
+    pub fn surface_rays(self) -> u32 {
+        match self {
+            Quality::Fine => 4,
+            Quality::Quick => 2,
+        }
+    }
+
+    /// The rays of a pixel that sees the edge of a surface.
+    pub fn edge_rays(self) -> u32 {
+        match self {
+            Quality::Fine => 8,
+            Quality::Quick => 4,
+        }
+    }
+
+    /// The number of points of the lamp that are sampled first, and of those in a penumbra, where only some of those are
+    /// visible.
+    pub fn lamp_points(self) -> [u32; 2] {
+        match self {
+            Quality::Fine => [4, 16],
+            Quality::Quick => [2, 8],
+        }
+    }
+
+    /// The place where a ray meets the pixel, from its middle. The second ray of a fine pixel goes through the middle.
+    pub fn place(self, sample: u32) -> [f64; 2] {
+        match self {
+            Quality::Fine => even_square(sample).map(|x| x - 0.5),
+            Quality::Quick => QUICK[sample as usize % QUICK.len()],
+        }
+    }
+
+    /// Returns true if a ray traces a blurred reflection. It is expensive: half of a pixel's rays trace it, at twice the
+    /// weight.
+    pub fn traces_blurred_reflection(self, sample: u32) -> bool {
+        match self {
+            Quality::Fine => sample & 2 != 0,
+            Quality::Quick => sample & 1 != 0,
+        }
+    }
+}
+
+/// The pixel that the camera makes of `light`. The hash `place` decides its noise.
+pub fn develop(camera: &PinholeCamera, light: Vec3, place: u64) -> [u8; 3] {
+    let mut channel = 0;
+    [light.x, light.y, light.z].map(|light| {
+        channel += 1;
+        let read = camera.read_noise / camera.full_well;
+        let deviation = (light / camera.full_well + read * read).sqrt();
+        let signal = light + deviation * random::gaussian(random::hash(place ^ (channel << 56)));
+        (tone(signal.max(0.0)) * 255.0 + 0.5) as u8
+    })
+}
+
+/// Linear light to display brightness: a rational approximation of a film curve, which compresses highlights,
+/// then a gamma of 2.
+fn tone(light: f64) -> f64 {
+    let film = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14);
+    film.min(1.0).sqrt()
 }
 
 #[cfg(test)]

@@ -1,12 +1,10 @@
 //! Procedural textures: the colour of a surface at each point.
 
-mod motif;
 pub mod noise;
 pub mod patterns;
-mod placement;
 
 use self::noise::{floor, fractal, fractal_flat};
-pub use self::{motif::Motif, placement::Placement};
+pub use self::patterns::{Motif, Placement};
 use super::vec3::Vec3;
 
 /// A colour for every point of an object. Points are in the object's own coordinates, in millimetres; colours
@@ -95,13 +93,13 @@ pub enum Texture {
     Brushed(Vec3),
     /// A motif of two colours that repeats exactly over `x` and `y`, under clouds that may tell its repetitions apart.
     Repeated {
-        /// What repeats.
+        /// The motif that repeats.
         motif: Motif,
         /// Its two colours.
         colors: [Vec3; 2],
         /// The distance at which it repeats.
         pitch: f64,
-        /// How much the clouds change its brightness, from 0 for not at all to 1.
+        /// The change of its brightness by the clouds, from 0 for none to 1.
         clouds: f64,
     },
     /// Areas of four plain colours with curved outlines, as in a poster.

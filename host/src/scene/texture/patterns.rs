@@ -1,10 +1,10 @@
 //! The patterns of textures that take more than a line.
 
 use super::noise::{floor, fractal, fractal_flat, lattice, value, value_flat};
-use crate::scene::vec3::Vec3;
+use crate::scene::vec3::{Pose, Vec3};
 
 /// The brightness of brushed metal at a point of a panel, around 0.5.
-pub fn streaks(p: Vec3) -> f64 {
+pub(crate) fn streaks(p: Vec3) -> f64 {
     let [along, across] = along_and_across_strokes(p);
     let fine = value_flat(along / 7.0, across / 1.2, 0);
     let middle = value_flat(along / 14.0, across / 2.6, 1);
@@ -14,7 +14,7 @@ pub fn streaks(p: Vec3) -> f64 {
 }
 
 /// The coordinates of a point of a panel along and across its brush strokes.
-pub fn along_and_across_strokes(p: Vec3) -> [f64; 2] {
+pub(crate) fn along_and_across_strokes(p: Vec3) -> [f64; 2] {
     [0.8 * p.x + 0.6 * p.y, 0.8 * p.y - 0.6 * p.x]
 }
 
@@ -25,7 +25,7 @@ fn smooth_step(from: f64, to: f64, x: f64) -> f64 {
 }
 
 /// Wood with growth rings `ring` apart.
-pub fn wood(p: Vec3, light: Vec3, dark: Vec3, ring: f64) -> Vec3 {
+pub(crate) fn wood(p: Vec3, light: Vec3, dark: Vec3, ring: f64) -> Vec3 {
     let bend = fractal(Vec3::new(p.x, p.y * 0.25, p.z) * (0.35 / ring), 2, 0.5);
     // The axis of the rings lies outside the object and leans a little.
     let (x, z) = (p.x + 5.3 * ring + 0.12 * p.y, p.z + 3.1 * ring);
@@ -38,7 +38,7 @@ pub fn wood(p: Vec3, light: Vec3, dark: Vec3, ring: f64) -> Vec3 {
 }
 
 /// Marble with veins about `size` apart.
-pub fn marble(p: Vec3, base: Vec3, vein: Vec3, size: f64) -> Vec3 {
+pub(crate) fn marble(p: Vec3, base: Vec3, vein: Vec3, size: f64) -> Vec3 {
     let q = p * (1.0 / size);
     let warp = Vec3::new(
         fractal(q + Vec3::splat(3.7), 3, 0.5),
@@ -80,7 +80,7 @@ fn choose(colors: [Vec3; 4], random: f64) -> Vec3 {
 }
 
 /// Terrazzo with chips about `pitch` apart.
-pub fn terrazzo(p: Vec3, cement: Vec3, chips: [Vec3; 4], pitch: f64) -> Vec3 {
+pub(crate) fn terrazzo(p: Vec3, cement: Vec3, chips: [Vec3; 4], pitch: f64) -> Vec3 {
     let grain = fractal(p * 0.15, 4, 0.9);
     // Warping the coordinates turns round chips into angular ones.
     let bend = Vec3::new(value(p * (2.1 / pitch)), value(p * (2.3 / pitch)), value(p * (1.9 / pitch)));
@@ -91,7 +91,7 @@ pub fn terrazzo(p: Vec3, cement: Vec3, chips: [Vec3; 4], pitch: f64) -> Vec3 {
 }
 
 /// Dots on a grid with spacing `pitch`.
-pub fn dots(p: Vec3, paper: Vec3, inks: [Vec3; 4], pitch: f64) -> Vec3 {
+pub(crate) fn dots(p: Vec3, paper: Vec3, inks: [Vec3; 4], pitch: f64) -> Vec3 {
     let grain = 0.82 + 0.36 * fractal_flat(p.x * 0.12, p.y * 0.12, 3, 0.9);
     let q = Vec3::new(p.x / pitch, p.y / pitch, 0.0);
     let color = match nearest_seed(q, false, |random| 0.18 + 0.34 * random) {
@@ -99,4 +99,86 @@ pub fn dots(p: Vec3, paper: Vec3, inks: [Vec3; 4], pitch: f64) -> Vec3 {
         None => paper,
     };
     color * grain
+}
+
+/// A motif that repeats over `x` and `y`, at a distance of 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motif {
+    /// Stripes with sharp edges along `y`.
+    Stripes,
+    /// Stripes along `y` that fade into each other.
+    Waves,
+    /// A checkerboard, whose squares have half the distance as their sides.
+    Checks,
+    /// Bricks, each row moved by half a brick.
+    Bricks,
+    /// Discs on a square grid.
+    Discs,
+}
+
+impl Motif {
+    /// All motifs.
+    pub const ALL: [Motif; 5] = [Motif::Stripes, Motif::Waves, Motif::Checks, Motif::Bricks, Motif::Discs];
+
+    /// The share of the second colour at a point.
+    pub(super) fn share(self, x: f64, y: f64) -> f64 {
+        let fraction = |x: f64| x - f64::from(floor(x));
+        let is_second = match self {
+            Motif::Stripes => fraction(x) < 0.4,
+            Motif::Waves => {
+                let wave = (2.0 * fraction(x) - 1.0).abs();
+                return wave * wave * (3.0 - 2.0 * wave);
+            }
+            Motif::Checks => (fraction(x) < 0.5) != (fraction(y) < 0.5),
+            Motif::Bricks => {
+                let row = floor(2.0 * y);
+                let along = fraction(x + 0.5 * f64::from(row & 1));
+                along < 0.08 || fraction(2.0 * y) < 0.16
+            }
+            Motif::Discs => {
+                let [x, y] = [x, y].map(|x| fraction(x) - 0.5);
+                x * x + y * y < 0.1
+            }
+        };
+        f64::from(u8::from(is_second))
+    }
+}
+
+/// The place of a texture in the coordinates of an object, and its size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// The origin and the axes of the texture.
+    pub pose: Pose,
+    /// The factor by which it is larger than by itself.
+    pub scale: f64,
+}
+
+impl Placement {
+    /// The texture as it is: its coordinates are those of the object.
+    pub const IDENTITY: Placement = Placement { pose: Pose::at(Vec3::ZERO), scale: 1.0 };
+
+    /// The point of the texture that lies at a point of the object.
+    pub(crate) fn texture_point(&self, local: Vec3) -> Vec3 {
+        self.pose.local_point(local) * (1.0 / self.scale)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motifs_repeat_and_have_both_colours() {
+        for motif in Motif::ALL {
+            let mut mean = 0.0;
+            for k in 0..400 {
+                let (x, y) = (f64::from(k % 20) * 0.05 + 0.01, f64::from(k / 20) * 0.05 + 0.01);
+                let share = motif.share(x, y);
+                assert!((0.0..=1.0).contains(&share));
+                assert!((motif.share(x - 3.0, y + 5.0) - share).abs() < 1e-9, "{motif:?} at {x}, {y}");
+                mean += share / 400.0;
+            }
+            assert!((0.1..0.9).contains(&mean), "{motif:?}: {mean}");
+        }
+    }
 }

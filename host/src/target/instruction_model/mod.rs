@@ -1,4 +1,4 @@
-//! How many instructions a match takes: a linear model.
+//! A linear model of the number of instructions that a match takes.
 //!
 //! The parameters of a match determine how often each unit of work is done ([`Workload`]); each unit has a
 //! price in instructions ([`Prices`]). The prices are fitted to small matches in the emulator and stored in
@@ -8,7 +8,6 @@
 //! The model leaves out two things: fetching lines, and block sums that saturate in 16 bits and are computed
 //! again, which depends on the images. With the mean of blocks of 13 and 15, a match may take a third more.
 
-mod pixel_counts;
 mod prices;
 mod work_units;
 mod workload;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How often each unit of work is done; or its price, in instructions.
+/// The number of times that each unit of work is done; or its price, in instructions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorkUnits {
@@ -85,7 +85,7 @@ impl WorkUnits {
     }
 }
 
-/// How many candidates each loop processes; or the price of one, in instructions. A candidate is a disparity
+/// The number of candidates that each loop processes; or the price of one, in instructions. A candidate is a disparity
 /// of a column or pixel; their number is rounded up to whole vectors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

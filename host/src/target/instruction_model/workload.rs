@@ -1,12 +1,11 @@
 //! The work of a match, counted.
 
-use multiscopic_core::{Params, Search, kernel::Rule};
+use std::ops::Range;
+
+use multiscopic_core::{Params, Search, View, kernel::Rule};
 use multiscopic_edge::Matching;
 
-use super::{
-    pixel_counts::PixelCounts,
-    work_units::{CandidateUnits, WorkUnits},
-};
+use super::work_units::{CandidateUnits, WorkUnits};
 use crate::target::Processor;
 
 /// The work of a match.
@@ -20,7 +19,8 @@ pub struct Workload {
 
 impl Workload {
     /// Counts the work of a match on a processor. `None` for the census and for confidences: the model has no units for them.
-    /// Nor for the mean of more than four views, which is computed exactly, one candidate at a time, where views are unavailable.
+    /// Nor for the mean of more than four views, which is computed exactly, one candidate at a time, where views are
+    /// unavailable.
     pub fn new(matching: &Matching, processor: Processor) -> Option<Workload> {
         let search = matching.search();
         if search.views().len() > 4 && Rule::new(search.fusion(), search.views().len()) == Rule::Sum {
@@ -103,17 +103,17 @@ fn depth(search: &Search, processor: Processor) -> usize {
     search.num_disparities().next_multiple_of(processor.lanes())
 }
 
-/// Whether kernels have separate loops for as many vectors.
+/// Returns true if kernels have separate loops for as many vectors.
 fn is_unrolled(search: &Search, processor: Processor) -> bool {
     search.num_disparities().div_ceil(processor.lanes()) == 4
 }
 
-/// Whether the processor's kernel masks sums where views are unavailable. Lanes of 32 bits are fused by segments.
+/// Returns true if the processor's kernel masks sums where views are unavailable. Lanes of 32 bits are fused by segments.
 fn masks_sums(params: &Params, processor: Processor) -> bool {
     processor == Processor::CortexM55 && !is_wide(params) && params.views().len() <= 4
 }
 
-/// Whether block sums need 32 bits.
+/// Returns true if block sums need 32 bits.
 fn is_wide(params: &Params) -> bool {
     params.max_block_sum() >= u32::from(u16::MAX)
 }
@@ -136,6 +136,52 @@ pub fn kernel_name(params: &Params, processor: Processor) -> String {
         _ => "",
     };
     format!("{views}-{rule}{suffix}")
+}
+
+/// The numbers of pixels by the way in which they are fused.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct PixelCounts {
+    /// All views are available at all disparities.
+    pub(super) complete: usize,
+    /// Some views are unavailable, and are masked.
+    pub(super) masked: usize,
+    /// Some views are unavailable, and costs are fused by segments.
+    pub(super) segmented: usize,
+    /// The segments of the segmented pixels.
+    pub(super) segments: usize,
+}
+
+impl PixelCounts {
+    /// Counts the pixels of a match from disparity `first` on, with a kernel that masks sums, or fuses them by segments.
+    pub(super) fn new(params: &Params, first: i16, masks_sums: bool) -> PixelCounts {
+        let places = params.views().places();
+        let rule = Rule::new(params.fusion(), places);
+        let all = 0..params.num_disparities() as u16;
+        let mut counts = PixelCounts::default();
+        for (u, v) in (0..params.height()).flat_map(|v| (0..params.width()).map(move |u| (u, v))) {
+            let ranges = || params.views().iter().map(|view| available(params, first, view, u, v));
+            // Places without a view are never available.
+            match ranges().filter(|range| *range != all).count() + places - params.views().len() {
+                0 => counts.complete += 1,
+                _ if masks_sums && rule == Rule::Sum => counts.masked += 1,
+                incomplete if rule.masks(places, incomplete) => counts.masked += 1,
+                _ => {
+                    counts.segmented += 1;
+                    let mut cuts: Vec<u16> = ranges().flat_map(|range| [range.start, range.end]).collect();
+                    cuts.extend([all.start, all.end]);
+                    cuts.sort_unstable();
+                    cuts.dedup();
+                    counts.segments += cuts.len() - 1;
+                }
+            }
+        }
+        counts
+    }
+}
+
+/// The disparities, counted from the first, at which a view is available at a pixel.
+fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Range<u16> {
+    view.available((u, v), (params.width(), params.height()), first, params.num_disparities())
 }
 
 #[cfg(test)]
@@ -213,5 +259,49 @@ mod tests {
         assert_eq!(name(Views::CROSS.with(View::new(1, 1).unwrap()), Fusion::Min, 4, 3), "8-min");
         assert_eq!(name(Views::CROSS, Fusion::Min, 32, 3), "4-min-unrolled");
         assert_eq!(name(Views::CROSS, Fusion::Min, 32, 17), "4-min-wide");
+    }
+
+    /// The views available at `(u, v)` and `d`. States the definition again, independently of the core.
+    fn available_views(params: &Params, u: usize, v: usize, d: i16) -> Vec<View> {
+        let (u, v, d) = (u as i32, v as i32, i32::from(d));
+        let is_available = |view: &View| {
+            let (x, y) = match *view {
+                View::RIGHT => (u - d, v),
+                View::LEFT => (u + d, v),
+                View::TOP => (u, v + d),
+                View::BOTTOM => (u, v - d),
+                view => (u - i32::from(view.right()) * d, v - i32::from(view.down()) * d),
+            };
+            (0..params.width() as i32).contains(&x) && (0..params.height() as i32).contains(&y)
+        };
+        params.views().iter().filter(is_available).collect()
+    }
+
+    #[test]
+    fn counts_agree_with_the_definition_at_each_pixel() {
+        let corner = View::new(-2, 1).unwrap();
+        let sets = [Views::STEREO, Views::HORIZONTAL, Views::CROSS, Views::NONE.with(View::TOP), Views::STEREO.with(corner)];
+        let searches = [(1, 4), (0, 9), (-3, 5), (-6, 3), (2, 40)];
+        for (views, (min, num)) in sets.into_iter().flat_map(|views| searches.map(|search| (views, search))) {
+            let mean = params(views, Fusion::Mean, min, num, 3);
+            let (mut complete, mut border, mut segments) = (0, 0, 0);
+            for (u, v) in (0..mean.height()).flat_map(|v| (0..mean.width()).map(move |u| (u, v))) {
+                let mut runs: Vec<Vec<View>> = (min..=mean.max_disparity()).map(|d| available_views(&mean, u, v, d)).collect();
+                runs.dedup();
+                match runs.len() {
+                    1 if runs[0].len() == views.len() => complete += 1,
+                    runs => (border, segments) = (border + 1, segments + runs),
+                }
+            }
+            let masked = PixelCounts { complete, masked: border, segmented: 0, segments: 0 };
+            // With one view, every fusion is the minimum.
+            let expected =
+                if views.len() == 1 { masked } else { PixelCounts { complete, masked: 0, segmented: border, segments } };
+            assert_eq!(PixelCounts::new(&mean, min, false), expected, "{mean:?}");
+            assert_eq!(PixelCounts::new(&mean, min, true), masked);
+            assert_eq!(PixelCounts::new(&params(views, Fusion::Min, min, num, 3), min, false), masked);
+        }
+        let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3), 1, true);
+        assert!(heuristic.masked > 0 && heuristic.segmented > 0, "{heuristic:?}");
     }
 }

@@ -5,18 +5,14 @@ use std::{mem, ops::Range, path::Path};
 use multiscopic_core::Disparity;
 use multiscopic_edge::packet::{Content, Lost, Packet, PacketError, Receiver};
 
-use super::{
-    flaw::{Flaw, PacketId},
-    frame::ReceivedFrame,
-    notice::Notice,
-};
+use super::notice::{Flaw, Notice, PacketId, ReceivedFrame};
 use crate::{
     error::{Error, Result},
-    files::input,
+    files::Limits,
     images::{DisparityMap, Raster},
 };
 
-/// What a piece of the stream was.
+/// The kind of a piece of the stream.
 pub(super) enum Piece {
     /// Not a packet of this frame.
     Noise,
@@ -35,10 +31,11 @@ pub(super) enum Piece {
 pub(super) struct Assembler<'p, N> {
     receiver: Receiver,
     frame: Option<PartialFrame>,
-    /// Why the pieces since the last packet were not packets of disparities.
+    /// The reasons why the pieces since the last packet were not packets of disparities.
     noise: Vec<PacketError>,
-    /// What messages call the stream.
+    /// The name of the stream in messages.
     path: &'p Path,
+    limits: Limits,
     notify: N,
 }
 
@@ -63,8 +60,8 @@ struct PartialLine {
 const MAX_EXPANSION: usize = 4096;
 
 impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
-    pub(super) fn new(path: &'p Path, notify: N) -> Assembler<'p, N> {
-        Assembler { receiver: Receiver::default(), frame: None, noise: Vec::new(), path, notify }
+    pub(super) fn new(path: &'p Path, limits: Limits, notify: N) -> Assembler<'p, N> {
+        Assembler { receiver: Receiver::default(), frame: None, noise: Vec::new(), path, limits, notify }
     }
 
     /// Processes the bytes between two zeros of the stream.
@@ -92,7 +89,7 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
         let size = [packet.header.width, packet.header.height].map(usize::from);
         let frame = match &mut self.frame {
             Some(frame) => frame,
-            None => self.frame.insert(PartialFrame::new(size, self.path)?),
+            None => self.frame.insert(PartialFrame::new(size, self.path, self.limits)?),
         };
         let expected = frame.size;
         if size != expected {
@@ -203,8 +200,8 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
 
 impl PartialFrame {
     /// An empty frame. The size is what a packet from `path` says.
-    fn new([width, height]: [usize; 2], path: &Path) -> Result<PartialFrame> {
-        input::check_size(path, width as u32, height as u32)?;
+    fn new([width, height]: [usize; 2], path: &Path, limits: Limits) -> Result<PartialFrame> {
+        limits.check_size(path, width as u32, height as u32)?;
         let lines = vec![PartialLine::default(); height];
         Ok(PartialFrame { size: [width, height], lines, received: 0, last_packet: None })
     }

@@ -3,13 +3,9 @@
 //! Lost and damaged packets do not end the reception: they are reported, and their pixels stay invalid.
 
 mod assembler;
-mod flaw;
-mod frame;
 mod notice;
 
-pub use flaw::{Flaw, PacketId};
-pub use frame::ReceivedFrame;
-pub use notice::Notice;
+pub use notice::{Flaw, Notice, PacketId, ReceivedFrame};
 
 use std::{
     io::{BufRead, Read},
@@ -18,19 +14,22 @@ use std::{
 
 use multiscopic_edge::packet;
 
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    files::Limits,
+};
 use assembler::{Assembler, Piece};
 
 /// Give up after this many bytes without a packet: then the stream is something else.
 const MAX_NOISE_BYTES: usize = 1 << 20;
 
 /// Reads packets from `source` until the frame or the stream ends, and reports every event to `notify`.
-/// Messages call the source `path`.
+/// Messages call the source `path`. A frame has a size within `limits`.
 ///
 /// # Errors
 /// The source cannot be read, has no packets of disparities, or has a frame too large for this machine.
-pub fn receive(mut source: impl BufRead, path: &Path, notify: impl FnMut(Notice)) -> Result<ReceivedFrame> {
-    let mut assembler = Assembler::new(path, notify);
+pub fn receive(mut source: impl BufRead, path: &Path, limits: Limits, notify: impl FnMut(Notice)) -> Result<ReceivedFrame> {
+    let mut assembler = Assembler::new(path, limits, notify);
     let (mut piece, mut noise_bytes, mut bytes) = (Vec::new(), 0, 0);
     while noise_bytes <= MAX_NOISE_BYTES {
         piece.clear();
@@ -81,7 +80,7 @@ mod tests {
     /// The frame received from `packets`, its flaws as text, and whether any was harmful.
     fn received(packets: &[Vec<u8>]) -> (ReceivedFrame, Vec<String>, bool) {
         let (mut flaws, mut is_harmed) = (Vec::new(), false);
-        let received = receive(&packets.concat()[..], Path::new("stream"), |notice| {
+        let received = receive(&packets.concat()[..], Path::new("stream"), Limits::DEFAULT, |notice| {
             if let Notice::Flaw(flaw) = notice {
                 flaws.push(flaw.to_string());
                 is_harmed |= flaw.is_harmful();
@@ -91,7 +90,7 @@ mod tests {
     }
 
     fn refusal(bytes: &[u8]) -> String {
-        receive(bytes, Path::new("stream"), |_| ()).unwrap_err().to_string()
+        receive(bytes, Path::new("stream"), Limits::DEFAULT, |_| ()).unwrap_err().to_string()
     }
 
     #[test]
@@ -205,7 +204,8 @@ mod tests {
         assert!(refusal(b"").starts_with("stream: found nothing, expected the packets"), "{}", refusal(b""));
         let text = refusal(b"no packets here");
         assert!(text.contains("found 15 bytes without a packet of disparities (the first error: a damaged packet"), "{text}");
-        let endless = |byte| receive(std::io::BufReader::new(std::io::repeat(byte)), Path::new("stream"), |_| ()).is_err();
+        let endless =
+            |byte| receive(std::io::BufReader::new(std::io::repeat(byte)), Path::new("stream"), Limits::DEFAULT, |_| ()).is_err();
         assert!(endless(0) && endless(1) && endless(b'x'));
     }
 }

@@ -16,7 +16,7 @@ use clap::Args;
 use multiscopic::{Error, Result};
 use serde::{Serialize, de::IgnoredAny};
 
-use crate::command::terminal;
+use crate::command::{advice, terminal};
 pub use item_record::{Fingerprint, ItemRecord, OutputRecord};
 pub use run_settings::{RunFile, RunSettings};
 
@@ -89,7 +89,7 @@ impl Batch<'_> {
                 Ok(true) => skipped += 1,
                 Ok(false) => done += 1,
                 Err(error) => {
-                    terminal::complain(&format!("{item}: {error}"));
+                    terminal::complain(&format!("{item}: {}", advice::error(&error)));
                     failed.push(item.as_str());
                 }
             }

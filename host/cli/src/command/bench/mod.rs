@@ -5,12 +5,13 @@ use std::{fmt, process::ExitCode, time::Instant};
 use clap::Args;
 use image::{GrayImage, Luma};
 use multiscopic::{
-    Error, Frames, Method, Picture, Result,
+    Error, Frames, Method, Result,
     stereo::{MethodName, Paths, Pipeline, network::DotProducts},
 };
 use multiscopic_core::{Fusion, Params, Search};
 
 use super::{
+    limits::limits,
     options::{EngineOptions, MethodOptions, SearchOptions, named, views_of_count},
     terminal,
 };
@@ -85,7 +86,7 @@ impl Bench {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
         let size = [self.width, self.height].map(usize::from);
-        let ([width, height], most) = (size, Picture::max_pixels());
+        let ([width, height], most) = (size, limits().max_pixels);
         if (width * height) as u64 > most {
             return Err(Error::Usage(format!(
                 "frames of {width}x{height} pixels are too large, at most {most} pixels (--max-pixels)"

@@ -17,6 +17,7 @@ use multiscopic::{
 
 use super::simulated_board::SimulatedBoard;
 use crate::command::{
+    advice,
     options::{CameraSpec, SettingsOptions},
     terminal::{self, signals},
 };
@@ -98,7 +99,7 @@ impl CameraSession<'_> {
             let corners = match self.board.corners_in(&picture) {
                 Ok(corners) => corners,
                 Err(miss) => {
-                    taken.say(miss.to_string());
+                    taken.say(advice::board_miss(&miss));
                     continue;
                 }
             };

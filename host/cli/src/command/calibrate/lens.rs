@@ -16,6 +16,8 @@ use rayon::prelude::*;
 
 use super::{board::BoardOptions, camera_session::CameraSession, lens_outcome::LensOutcome};
 use crate::command::{
+    advice,
+    limits::limits,
     options::{BitsOption, CameraSpec, SettingsOptions, depth_of, named, output_file},
     terminal::{self, Watch},
 };
@@ -144,9 +146,9 @@ impl LensCommand {
                 Ok(image) => images.push(image),
                 // These hold for all pictures.
                 Err(miss @ (BoardMiss::Mirrored | BoardMiss::Larger { .. })) => {
-                    return Err(Error::Usage(format!("{}: {miss}", path.display())));
+                    return Err(Error::Usage(format!("{}: {}", path.display(), advice::board_miss(&miss))));
                 }
-                Err(miss) => left_out.push(format!("{}: {miss}", path.display())),
+                Err(miss) => left_out.push(format!("{}: {}", path.display(), advice::board_miss(&miss))),
             }
         }
         Ok((images, size, left_out))
@@ -154,7 +156,7 @@ impl LensCommand {
 }
 
 fn read(path: &Path, board: &PrintedBoard, depth: Option<BitDepth>) -> Result<Photo> {
-    let gray = Picture::read_with_depth(path, depth)?.to_gray();
+    let gray = Picture::read_within(path, depth, limits())?.to_gray();
     let size = [gray.width() as usize, gray.height() as usize];
     let corners = board.corners_in(&gray).map(|corners| BoardImage { name: path.display().to_string(), corners });
     Ok(Photo { size, corners })
@@ -163,7 +165,7 @@ fn read(path: &Path, board: &PrintedBoard, depth: Option<BitDepth>) -> Result<Ph
 /// The error of a calibration, with the reasons why pictures were left out.
 fn refusal(error: &LensCalibrationError, left_out: &[String]) -> Error {
     let lines = left_out.iter().map(|line| format!("\n    left out {line}"));
-    Error::Usage(lines.fold(error.to_string(), |message, line| message + &line))
+    Error::Usage(lines.fold(advice::lens_calibration(error), |message, line| message + &line))
 }
 
 fn percent(text: &str) -> Result<f64> {

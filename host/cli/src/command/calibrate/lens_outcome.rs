@@ -1,10 +1,9 @@
 //! The outcome of `multiscopic calibrate lens`: a table, JSON and a page.
 
-use multiscopic::{
-    calibration::{LensCalibration, PrintedBoard},
-    report::{Report, ReprojectionMap},
-};
+use multiscopic::calibration::{LensCalibration, PrintedBoard};
 use serde::Serialize;
+
+use crate::report::{Report, ReprojectionMap};
 
 /// A share of the image with corners that calls for more pictures.
 const LOW_COVERAGE: f64 = 0.8;

@@ -20,7 +20,7 @@ use multiscopic_core::{
 use serde::Serialize;
 
 use super::{CaptureLog, long_baseline::LongBaseline};
-use crate::command::{hardware::Hardware, scene::TRUTH_FILE_NAME, terminal};
+use crate::command::{advice, hardware::Hardware, scene::TRUTH_FILE_NAME, terminal};
 
 /// Takes captures that differ only in their folder and date.
 pub struct Recorder {
@@ -87,7 +87,7 @@ impl Recorder {
             log.note(note);
         }
         if let Err(error) = &ended {
-            log.note(&error.to_string());
+            log.note(&advice::error(error));
         }
         let rig = self.rig(&frames, date, (!notes.is_empty()).then(|| notes.join("\n")));
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
@@ -121,7 +121,7 @@ impl Recorder {
             notes,
         };
         terminal::say(&recorded.to_string());
-        inspection.range_line().into_iter().for_each(|line| terminal::say(&line));
+        advice::range_line(&inspection).into_iter().for_each(|line| terminal::say(&line));
         ended
             .map(|()| recorded)
             .inspect_err(|_| terminal::complain(&format!("{} is kept, but the capture ended with an error:", folder.display())))

@@ -9,9 +9,7 @@ use std::{path::PathBuf, process::ExitCode};
 use clap::{Args, value_parser};
 use multiscopic::{
     DisparityMap, Frames, Method, Result,
-    evaluation::{Record, results},
     images::Layout,
-    report::{ViewedMap, ViewedScene},
     scene::{PinholeCamera, Scene, Shot, render_views},
     stereo::confidence_map::ConfidenceMap,
 };
@@ -24,6 +22,10 @@ use super::{
     terminal,
     variant::{Measured, Subject, Variant},
     view::matched_map,
+};
+use crate::{
+    report::{ViewedMap, ViewedScene},
+    results::{self, Record},
 };
 
 /// Renders views of a scene with known depth, matches and evaluates them, and writes pictures and a page with the results

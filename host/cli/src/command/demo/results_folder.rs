@@ -13,20 +13,23 @@ use multiscopic::{
         input, output,
         ply::{self, Encoding},
     },
-    report::{
-        contact_sheet::{self, PictureColumn},
-        error_map, montage,
-    },
+    images::montage,
     scene::{PinholeCamera, Shot},
     stereo::MethodName,
 };
 use multiscopic_core::{Frame, View, Views};
 
 use super::{Outcome, variants};
-use crate::command::{
-    charts::Errors,
-    scene::{self, TRUTH_FILE_NAME},
-    variant::Variant,
+use crate::{
+    command::{
+        charts::Errors,
+        scene::{self, TRUTH_FILE_NAME},
+        variant::Variant,
+    },
+    report::{
+        contact_sheet::{self, PictureColumn},
+        error_map,
+    },
 };
 
 /// The frames, with their captions.

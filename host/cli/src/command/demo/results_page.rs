@@ -1,17 +1,17 @@
 //! The page with the results.
 
-use multiscopic::{
-    evaluation::{Record, ResultRow},
-    files::FrameFiles,
-    report::{Figure, Report, ViewedScene, error_map},
-};
+use multiscopic::files::FrameFiles;
 use multiscopic_core::{Params, Views};
 
 use super::{
     results_folder::{TRUTH_PNG, errors_png, frames, map_png},
     variants::{caption, stem},
 };
-use crate::command::{charts::Errors, variant::Variant};
+use crate::{
+    command::{charts::Errors, variant::Variant},
+    report::{Figure, Report, ViewedScene, error_map},
+    results::{Record, ResultRow},
+};
 
 const ABOUT_THE_SCENE: &str = "The views are ray-traced: a still life on a brushed metal table, 0.4 m to 2.1 m from the camera. \
                                It contains what makes matching hard: stems thinner than a block, a blank canvas on the wall, \

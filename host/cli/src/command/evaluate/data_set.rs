@@ -9,20 +9,24 @@ use std::{
 use indicatif::ProgressBar;
 use multiscopic::{
     Dataset, Engine, Error, Metrics, Result,
-    evaluation::{CameraSteps, ConfidenceMetrics, DatasetScene, Record, ResultRow, Sparsification, results},
+    evaluation::{CameraSteps, ConfidenceMetrics, DatasetScene, Sparsification},
     files::output,
-    report::{Chart, Report, ViewedMap, ViewedScene},
 };
 use multiscopic_core::Views;
 use serde::{Deserialize, Serialize};
 
 use super::{Evaluate, PAGE_BYTES, comparison::MethodTable, print_tables};
-use crate::command::{
-    batch::{Done, RunSettings},
-    charts::{self, Errors},
-    terminal,
-    variant::{Measured, Subject, Variant},
-    view::{command_line, matched_map},
+use crate::{
+    command::{
+        batch::{Done, RunSettings},
+        charts::{self, Errors},
+        limits::limits,
+        terminal,
+        variant::{Measured, Subject, Variant},
+        view::{command_line, matched_map},
+    },
+    report::{Chart, Report, ViewedMap, ViewedScene},
+    results::{self, Record, ResultRow},
 };
 
 /// The comparison on the scenes of a data set.
@@ -90,14 +94,14 @@ impl Evaluate {
         bar.set_message(terminal::visible(&scene.name).into_owned());
         // As many as fit a set, which is all but for large arrays at several baselines.
         let most: Views = variants.iter().flat_map(|variant| variant.views.iter()).collect();
-        let (mut frames, center, truth) = scene.load(most)?;
+        let (mut frames, center, truth) = scene.load(most, limits())?;
         let mut viewed = self.report.as_ref().map(|_| {
             ViewedScene::new(&*scene.name, frames.size()).with_frames(&frames, Some(&center.to_rgb())).with_truth(Some(&truth))
         });
         let (mut records, mut curves) = (Vec::new(), Vec::new());
         for variant in *variants {
             if !variant.views.iter().all(|view| frames.views().contains(view)) {
-                (frames, ..) = scene.load(variant.views)?;
+                (frames, ..) = scene.load(variant.views, limits())?;
             }
             let subject = Subject {
                 dataset: dataset.name(),

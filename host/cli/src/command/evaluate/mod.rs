@@ -12,12 +12,7 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{
-    Dataset, Error, Result,
-    evaluation::{Record, results},
-    files::output,
-    report::Report,
-};
+use multiscopic::{Dataset, Error, Result, files::output};
 use serde::Serialize;
 
 pub use self::data_set::SceneRecord;
@@ -28,6 +23,10 @@ use super::{
         BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, PreparationOptions, SearchOptions, named, output_file,
     },
     terminal,
+};
+use crate::{
+    report::Report,
+    results::{self, Record},
 };
 
 /// The most bytes that the scenes of a page take, unless their disparities alone take more.

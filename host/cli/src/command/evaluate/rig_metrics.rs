@@ -2,12 +2,15 @@
 
 use multiscopic::{
     Metrics,
-    evaluation::{DepthErrors, Record, ResultRow, TemporalNoise, WallMetrics, results, text_table},
-    report::Report,
+    evaluation::{DepthErrors, TemporalNoise, WallMetrics},
 };
 use serde::Serialize;
 
-use crate::command::terminal;
+use crate::{
+    command::terminal,
+    report::Report,
+    results::{self, Record, ResultRow, text_table},
+};
 
 /// The measurements of a capture that a variant matched.
 #[derive(Clone, Copy, Debug, Serialize)]

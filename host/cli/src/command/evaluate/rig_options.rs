@@ -9,6 +9,7 @@ use multiscopic::{
 };
 
 use crate::command::{
+    limits::limits,
     options::{BitsOption, GeometryOptions, MemoryOptions, PreparationOptions, SearchOptions, Source, value::positive},
     preparation::prepare,
     scene::truth_file,
@@ -108,7 +109,7 @@ impl RigFiles {
         let (mut frames, _, undistortion) = self.source.load()?;
         let Source { rig, lens, images, .. } = &self.source;
         let mut geometry = geometry.geometry(rig.as_ref(), lens.as_ref(), &frames)?;
-        let read = |path: &PathBuf| ground_truth::read_pfm(path, frames.size(), &images.center);
+        let read = |path: &PathBuf| ground_truth::read_pfm(path, frames.size(), &images.center, limits());
         let truth = self.truth.as_ref().map(read).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| search.search(size, views, None, range);

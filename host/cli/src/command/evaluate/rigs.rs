@@ -2,10 +2,9 @@
 
 use multiscopic::{
     DisparityMap, Error, FloatImage, Geometry, Metrics, Result,
-    evaluation::{DepthErrors, PlaneFit, Record, TemporalNoise, WallMetrics},
+    evaluation::{DepthErrors, PlaneFit, TemporalNoise, WallMetrics},
     files::output,
     images::ImageRegion,
-    report::{Figure, Report, ViewedScene, error_map},
 };
 
 use super::{
@@ -14,12 +13,17 @@ use super::{
     rig_metrics::{RigMetrics, RigTable},
     rig_options::{PreparedRig, RigFiles},
 };
-use crate::command::{
-    options::Source,
-    preparation::mask_unseen,
-    terminal,
-    variant::Variant,
-    view::{command_line, matched_map},
+use crate::{
+    command::{
+        advice,
+        options::Source,
+        preparation::mask_unseen,
+        terminal,
+        variant::Variant,
+        view::{command_line, matched_map},
+    },
+    report::{Figure, Report, ViewedScene, error_map},
+    results::Record,
 };
 
 /// The share of outliers in percent above which a region may be no wall.
@@ -61,6 +65,7 @@ impl Evaluate {
                 mask_unseen(rig.undistortion.as_ref(), &mut disparities, Some(&mut confidences));
                 let (metrics, plane) = self.measure(&rig, &disparities, variant).map_err(|error| match error {
                     Error::Usage(message) => Error::Usage(format!("{name}: {message}")),
+                    Error::Plane(error) => Error::Usage(format!("{name}: {error}")),
                     other => other,
                 })?;
                 let record = variant.record("rig", &name, metrics, seconds);
@@ -78,7 +83,7 @@ impl Evaluate {
                         Figure::embedded(format!("{name}, {}", record.variant()), errors)
                     }));
                 }
-                for warning in rig.preparation.warnings(&disparities, &search).into_iter().chain(no_wall(&metrics)) {
+                for warning in advice::warnings(&rig.preparation, &disparities, &search).into_iter().chain(no_wall(&metrics)) {
                     let warning = format!("{name}: {warning}");
                     if !warnings.contains(&warning) {
                         warnings.push(warning);

@@ -12,10 +12,7 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{
-    Error, Processor, Result,
-    report::{LivePanel, Report},
-};
+use multiscopic::{Error, Processor, Result};
 use serde_json::json;
 use tokio::runtime::{Builder, Runtime};
 
@@ -23,10 +20,13 @@ use super::{
     server::{Messages, Server},
     workbench::Workbench,
 };
-use crate::command::{
-    options::Named,
-    terminal::{self, signals},
-    view::command_line,
+use crate::{
+    command::{
+        options::Named,
+        terminal::{self, signals},
+        view::command_line,
+    },
+    report::{LivePanel, Report},
 };
 
 /// The time between two looks for Ctrl-C.

@@ -27,6 +27,7 @@ use super::{
     workbench::{Wish, Workbench},
 };
 use crate::command::{
+    advice,
     capture::{Recorder, free_folders},
     terminal,
 };
@@ -127,7 +128,7 @@ impl Studio {
                 }
                 None => {
                     if let Err(error) = self.preview(&mut recorder, &mut is_on) {
-                        self.bench.board.put(Subject::Preview, json!({ "failure": error.to_string() }));
+                        self.bench.board.put(Subject::Preview, json!({ "failure": advice::error(&error) }));
                         switch_off(&mut recorder, &mut is_on);
                         self.wait(AFTER_FAILURE);
                     }
@@ -187,8 +188,8 @@ impl Studio {
                 self.open(&name);
             }
             Err(error) => {
-                terminal::complain(&error.to_string());
-                self.bench.board.put(Subject::Capture, json!({ "failure": error.to_string(), "is_running": false }));
+                terminal::complain(&advice::error(&error));
+                self.bench.board.put(Subject::Capture, json!({ "failure": advice::error(&error), "is_running": false }));
             }
         }
     }
@@ -204,7 +205,7 @@ impl Studio {
                 self.tell_history(Some(name));
             }
             Err(error) => {
-                self.bench.board.put(Subject::Capture, json!({ "failure": error.to_string(), "is_running": false }));
+                self.bench.board.put(Subject::Capture, json!({ "failure": advice::error(&error), "is_running": false }));
             }
         }
     }

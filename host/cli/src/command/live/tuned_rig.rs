@@ -8,16 +8,19 @@ use std::{
 use multiscopic::{
     DisparityMap, Engine, Frames, Inspection, Method, Preparation, Progress, Result,
     lens::Undistortion,
-    report::{EncodedMap, ViewedScene},
     stereo::confidence_map::{self, ConfidenceMap},
 };
 use multiscopic_core::{Frame, Search};
 
-use crate::command::{
-    options::{BitsOption, GeometryOptions, MatchingOptions, SearchOptions, Source},
-    preparation::mask_unseen,
-    terminal,
-    view::{matched_map, title, truth},
+use crate::{
+    command::{
+        advice,
+        options::{BitsOption, GeometryOptions, MatchingOptions, SearchOptions, Source},
+        preparation::mask_unseen,
+        terminal,
+        view::{matched_map, title, truth},
+    },
+    report::{EncodedMap, ViewedScene},
 };
 
 /// A captured folder, read once.
@@ -114,6 +117,6 @@ impl TunedRig {
             range: SearchOptions::DEFAULT_RANGE,
             search: *search,
         };
-        Tuned { map, summary, warnings: preparation.warnings(&disparities, search) }
+        Tuned { map, summary, warnings: advice::warnings(&preparation, &disparities, search) }
     }
 }

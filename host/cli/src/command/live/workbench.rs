@@ -21,6 +21,7 @@ use serde_json::json;
 
 use super::tuned_rig::{TunedMatch, TunedRig};
 use crate::command::{
+    advice,
     budget::{Prediction, TargetOptions},
     live::notice_board::{NoticeBoard, Subject},
     options::{MatchingOptions, Named},
@@ -148,7 +149,7 @@ impl Workbench {
                 && let Err(error) = self.match_once(&rig, &wish, seen)
             {
                 let settings = &wish.settings;
-                self.board.put(Subject::Result, json!({ "settings": settings, "failure": error.to_string() }));
+                self.board.put(Subject::Result, json!({ "settings": settings, "failure": advice::error(&error) }));
             }
         }
     }

@@ -14,19 +14,21 @@ use multiscopic::{
     DisparityMap, Engine, Error, Result,
     evaluation::ground_truth,
     files::{ListedRig, output},
-    report::{Report, ViewedMap, ViewedScene},
     stereo::{network::Inputs, write_inputs},
 };
 use multiscopic_core::Frame;
 
 use super::{
+    advice,
     batch::{BatchOptions, Done, RunSettings},
+    limits::limits,
     options::{EngineOptions, GeometryOptions, MatchingOptions, PRIOR_EXCLUDES, PreparationOptions, Source, SourceOptions},
     preparation::{mask_unseen, prepare, say_if_much},
     scene::truth_file,
     terminal::{self, Watch},
     view,
 };
+use crate::report::{Report, ViewedMap, ViewedScene};
 use outputs::Outputs;
 
 pub use self::summary::Summary;
@@ -117,7 +119,8 @@ impl Match {
         let truth = self.truth_file(&source);
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).chain(truth.as_deref()).collect();
         output::check(&outputs.paths(), &inputs)?;
-        let prior = self.prior.as_deref().map(|path| multiscopic::files::read_prior(path, frames.size())).transpose()?;
+        let prior =
+            self.prior.as_deref().map(|path| multiscopic::files::read_prior(path, frames.size(), limits())).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
         let preparation =
@@ -154,7 +157,7 @@ impl Match {
 
         let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
         let report = outputs.report.as_ref().map(|page| -> Result<Report> {
-            let truth = truth.map(|path| ground_truth::read_pfm(&path, size, &source.images.center)).transpose()?;
+            let truth = truth.map(|path| ground_truth::read_pfm(&path, size, &source.images.center, limits())).transpose()?;
             let truth = truth.map(|truth| preparation.truth(truth));
             let title = source.folder().map_or_else(|| "Disparities".into(), view::title);
             let mut scene = ViewedScene::new(&*title, size)
@@ -177,7 +180,7 @@ impl Match {
                 _ => Ok(()),
             }
         })?;
-        let warnings = preparation.warnings(&disparities, &search);
+        let warnings = advice::warnings(&preparation, &disparities, &search);
         let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
         Ok((summary, disparities))
     }

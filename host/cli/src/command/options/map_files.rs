@@ -6,11 +6,14 @@ use clap::Args;
 use multiscopic::{
     DisparityMap, Error, FloatImage, Picture, Result,
     images::{ColorScale, Colormap},
+};
+
+use crate::{
+    command::{options::named, terminal},
     report::color_bar,
 };
 
 use super::output_file;
-use crate::command::{options::named, terminal};
 
 /// The files that a disparity map is written to.
 #[derive(Clone, Debug, Args)]

@@ -15,7 +15,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, ParseViewError, View, Views};
 
 use super::BitsOption;
-use crate::command::terminal;
+use crate::command::{limits::limits, terminal};
 
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
@@ -98,7 +98,7 @@ impl Source {
     pub fn load(&mut self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
         self.images.bits = depth_of(&self.bits, self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
         let mut undistortion = None;
-        let (frames, center) = Frames::load_each(&self.images, |picture| {
+        let (frames, center) = Frames::load_each(&self.images, limits(), |picture| {
             let (width, height) = picture.dimensions();
             if let (None, Some(lens)) = (&undistortion, &self.lens) {
                 undistortion = Some(lens.undistortion([width as usize, height as usize])?);
@@ -116,7 +116,7 @@ impl Source {
     ) -> impl Iterator<Item = multiscopic::Result<(Frame, Picture)>> + 'a {
         let frames = [Frame::Center].into_iter().chain(self.images.views().iter().map(Frame::View));
         frames.filter_map(|frame| Some((frame, self.images.get(frame)?))).map(move |(frame, path)| {
-            let picture = Picture::read_with_depth(path, self.images.bits)?;
+            let picture = Picture::read_within(path, self.images.bits, limits())?;
             Ok((frame, alignment.rectified(frame, picture, undistortion)))
         })
     }
@@ -145,7 +145,7 @@ pub fn depth_of(bits: &BitsOption, known: Option<BitDepth>, paths: &[&Path]) -> 
     if let Some(depth) = bits.bits.or(known) {
         return Ok(Some(depth));
     }
-    let Some(brightest) = Picture::brightest(paths)? else { return Ok(None) };
+    let Some(brightest) = Picture::brightest(paths, limits())? else { return Ok(None) };
     let depth = BitDepth::of_brightest(brightest);
     if depth != BitDepth::Sixteen {
         let (bits, white) = (depth.bits(), depth.white());

@@ -7,12 +7,14 @@ use std::{
 
 use multiscopic::{
     DisparityMap, Error, Method, Picture, Result,
-    report::{BlockCosts, ViewedMap},
     stereo::{CostFunction, LongBaselines, Pipeline, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::Search;
 
-use crate::command::{options::SearchOptions, scene::TRUTH_FILE_NAME, terminal};
+use crate::{
+    command::{limits::limits, options::SearchOptions, scene::TRUTH_FILE_NAME, terminal},
+    report::{BlockCosts, ViewedMap},
+};
 
 /// A disparity map in a file.
 pub struct MapFile {
@@ -24,7 +26,7 @@ pub struct MapFile {
 impl MapFile {
     /// Reads a map, and its confidences if they are beside it.
     pub fn read(path: &Path) -> Result<MapFile> {
-        let disparities = DisparityMap::from_float(&multiscopic::files::read_pfm(path)?);
+        let disparities = DisparityMap::from_float(&multiscopic::files::read_pfm_within(path, limits())?);
         let beside = path.with_file_name(format!("{}-confidence.png", stem(path)));
         let confidences = if beside.is_file() { confidences(&beside, &disparities)? } else { None };
         Ok(MapFile { path: path.into(), disparities, confidences })
@@ -81,7 +83,7 @@ fn stem(path: &Path) -> String {
 }
 
 fn confidences(path: &Path, map: &DisparityMap) -> Result<Option<ConfidenceMap>> {
-    let gray = Picture::read(path)?.to_gray();
+    let gray = Picture::read_within(path, None, limits())?.to_gray();
     let (width, height) = (map.width(), map.height());
     let fits = gray.dimensions() == (width as u32, height as u32);
     Ok(fits.then(|| ConfidenceMap::new(width, height, gray.into_raw())))

@@ -14,7 +14,6 @@ use multiscopic::{
     DisparityMap, Error, FloatImage, Method, Result, Rig,
     evaluation::ground_truth,
     files::output,
-    report::{BlockCosts, Report, ViewedMap, ViewedScene},
     stereo::{MethodName, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::{Frame, Search};
@@ -24,6 +23,8 @@ use self::maps::MapFile;
 pub use self::maps::shell_line;
 pub use self::maps::{command_line, matched_map};
 use super::{
+    advice,
+    limits::limits,
     options::{
         BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, PreparationOptions, SearchOptions, Source, named,
         output_file,
@@ -32,6 +33,7 @@ use super::{
     scene::truth_file,
     terminal,
 };
+use crate::report::{BlockCosts, Report, ViewedMap, ViewedScene};
 
 /// Writes a page to look at a rig or at disparity maps, and opens it in a browser
 ///
@@ -152,7 +154,7 @@ impl View {
             let (mut disparities, mut confidences) = method.disparities_and_confidences(&engine, &frames, &search, &())?;
             let seconds = start.elapsed().as_secs_f64();
             mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
-            for warning in preparation.warnings(&disparities, &search) {
+            for warning in advice::warnings(&preparation, &disparities, &search) {
                 terminal::warn(&format!("{}: {warning}", name.name()));
             }
             matched.push(Matched { name, method, search, disparities, confidences, seconds });
@@ -194,7 +196,7 @@ fn page<'a>(title: &str, mut scene: ViewedScene, maps: impl IntoIterator<Item = 
 
 /// The true disparities in a folder, if they are there. `center` has their size.
 pub fn truth(folder: &Path, size: [usize; 2], center: &Path) -> Result<Option<FloatImage>> {
-    truth_file(folder).map(|path| ground_truth::read_pfm(&path, size, center)).transpose()
+    truth_file(folder).map(|path| ground_truth::read_pfm(&path, size, center, limits())).transpose()
 }
 
 /// The last part of a path, or the path.

@@ -3,6 +3,7 @@
 use anyhow::{Result, bail, ensure};
 use multiscopic::{
     DisparityMap,
+    files::Limits,
     stereo::confidence_map::ConfidenceMap,
     target::reception::{self, Flaw, Notice, ReceivedFrame},
 };
@@ -13,7 +14,7 @@ use std::path::Path;
 /// and nothing else follows.
 pub fn whole(mut bytes: &[u8], path: &Path, search: &Search) -> Result<ReceivedFrame> {
     let mut flaws: Vec<Flaw> = Vec::new();
-    let received = reception::receive(&mut bytes, path, |notice| match notice {
+    let received = reception::receive(&mut bytes, path, Limits::DEFAULT, |notice| match notice {
         Notice::Flaw(flaw) => flaws.push(flaw),
         Notice::Line { .. } => {}
     })?;

@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use multiscopic::{
     DisparityMap,
+    files::Limits,
     target::{
         MEASURED,
         reception::{self, ReceivedFrame},
@@ -151,7 +152,7 @@ fn check_quality(set: &DistortedSet, [rectified, plain]: &[Vec<u8>; 2]) -> Resul
 
 /// The frame that packets hold.
 fn frame(packets: &[u8]) -> Result<ReceivedFrame> {
-    Ok(reception::receive(&mut &packets[..], Path::new("simulation"), |_| ())?)
+    Ok(reception::receive(&mut &packets[..], Path::new("simulation"), Limits::DEFAULT, |_| ())?)
 }
 
 fn pixels(disparities: &DisparityMap) -> impl Iterator<Item = Option<f64>> {

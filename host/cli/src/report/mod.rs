@@ -1,0 +1,20 @@
+//! Results for people to look at: HTML pages with a viewer, charts, colour bars, error maps, montages and contact sheets.
+
+mod chart;
+pub mod color_bar;
+pub mod contact_sheet;
+mod epipolar_map;
+pub mod error_map;
+mod figure;
+mod page;
+#[cfg(feature = "calibration")]
+mod reprojection_map;
+mod viewer;
+
+pub use chart::{Chart, ChartLine};
+pub use epipolar_map::EpipolarMap;
+pub use figure::Figure;
+pub use page::Report;
+#[cfg(feature = "calibration")]
+pub use reprojection_map::ReprojectionMap;
+pub use viewer::{BlockCosts, EncodedMap, LivePanel, ViewedMap, ViewedScene};

@@ -461,7 +461,8 @@ pub fn trials(has_cameras: bool) -> Vec<Trial> {
     test("live_captures", true, Box::new(live_captures));
     test("refusals", true, Box::new(refusals));
     let short: &[&str] = &["--move-timeout", "4"];
-    let faults: [(&str, Strike, bool, &[&str], &[&str]); 6] = [
+    type Case<'a> = (&'a str, Strike, bool, &'a [&'a str], &'a [&'a str]);
+    let faults: [Case; 6] = [
         ("arm_never_arrives", |arm| arm.fail(Fault::Stuck), true, short, &[]),
         ("arm_ignores_orders", |arm| arm.fail(Fault::Ignoring), false, short, &[]),
         ("arm_stops_protectively", |arm| arm.fail(Fault::ProtectiveStop { after_m: 0.004 }), false, &[], &["protective"]),

@@ -352,7 +352,7 @@ fn another_protocol_is_refused() {
 
 #[test]
 fn an_address_without_an_arm_is_refused() {
-    let open = |spec: &str, limits| stage::open(&spec.parse().unwrap(), limits);
+    let open = |spec: &str, limits: &Limits| stage::open(&spec.parse().unwrap(), limits);
     let arm = SimulatedArm::start(DOWN);
     let (spec, ports) = (arm.spec(), arm.ports());
     drop(arm);

@@ -1,4 +1,4 @@
-//! The machine that matches: threads and vector instructions, and the core's block matching on both.
+//! The engine: threads and vector instructions, and the core's block matching on both.
 
 use std::convert::Infallible;
 
@@ -13,7 +13,12 @@ use crate::{
     simd::{Simd, Task},
 };
 
-/// The machine that matches: a pool of threads and their vector instructions.
+/// A pool of threads, and the vector instructions that kernels run with on them.
+///
+/// [`Engine::default`] takes all cores and the fastest instructions for each search; [`Engine::new`] chooses both. Make one
+/// engine and keep it for all matches: threads take time to start. [`disparities`](Engine::disparities) matches blocks.
+/// Semi-global matching, the network and costs borrow the engine that they run on. Their results are the same, bit for bit,
+/// with any number of threads and any instructions.
 #[derive(Debug)]
 pub struct Engine {
     simd: Option<Simd>,
@@ -25,8 +30,8 @@ impl Engine {
     /// The most threads: starting more takes longer than what they save.
     pub const MAX_THREADS: usize = 256;
 
-    /// An engine with a set of vector instructions, by default the [fastest](Simd::fastest) for each search,
-    /// and a number of threads, 0 for one per core, at most [`MAX_THREADS`](Engine::MAX_THREADS).
+    /// Starts an engine with a set of vector instructions, the [fastest](Simd::fastest) for each search if `None`, and a number
+    /// of threads: 0 for one per core, at most [`MAX_THREADS`](Engine::MAX_THREADS).
     ///
     /// # Errors
     /// If there are too many threads, or they cannot be started.
@@ -39,7 +44,7 @@ impl Engine {
         Ok(Engine { simd, pool, most_bytes: None })
     }
 
-    /// The same engine, with a limit of the bytes that a match may take. Who calls the engine enforces it.
+    /// Limits the bytes that a match may take. The engine only keeps the limit; its caller enforces it.
     pub fn with_most_bytes(self, most_bytes: Option<u64>) -> Engine {
         Engine { most_bytes, ..self }
     }
@@ -83,8 +88,8 @@ impl Engine {
         check_frames(frames, search.views().iter().map(Frame::View))
     }
 
-    /// Block matching by the core: the centre of `frames` with the views of `params`. Calls `line_done` after
-    /// each line, from any thread.
+    /// Matches blocks of the centre of `frames` with the views of `params`, as the core's [`Matcher`] does. Calls `line_done`
+    /// after each line, from any thread.
     ///
     /// # Errors
     /// As [`check`](Engine::check).
@@ -97,7 +102,7 @@ impl Engine {
         self.run(Input { frames, prior: None }, params, None, line_done)
     }
 
-    /// [`disparities`](Engine::disparities), and their peak ratios: see [`Matcher::next_line_and_peaks`].
+    /// Does what [`disparities`](Engine::disparities) does, and returns peak ratios too: see [`Matcher::next_line_and_peaks`].
     ///
     /// # Errors
     /// As [`check`](Engine::check).
@@ -112,7 +117,7 @@ impl Engine {
         Ok((map, peaks))
     }
 
-    /// The same [around](Params::around) the disparities `prior`, comparing [gradients](Gradients).
+    /// Matches blocks [around](Params::around) the disparities of `prior` only, and compares [gradients](Gradients).
     ///
     /// # Errors
     /// As [`check`](Engine::check), or if the size of `prior` is another one.
@@ -181,11 +186,11 @@ fn check_frames(frames: &Planes<'_>, mut searched: impl Iterator<Item = Frame>) 
     }
 }
 
-/// What is matched.
+/// The input of a match.
 #[derive(Clone, Copy, Debug)]
 struct Input<'a> {
     frames: &'a Planes<'a>,
-    /// Around which gradients are matched, instead of grey values over the whole range.
+    /// The disparities around which gradients are matched. If `None`, grey values are matched over the whole range.
     prior: Option<&'a DisparityMap>,
 }
 

@@ -1,8 +1,14 @@
 //! Runs the stereo kernels of `multiscopic-core` on all threads and with the widest vector instructions of this processor.
 //!
-//! The core defines every result, generic over instruction sets. This crate instantiates it, once, behind functions that are not
-//! generic: who depends on it compiles no kernel. Images come borrowed, as [`Planes`]; results are [`Raster`]s. Most
-//! programs use the crate `multiscopic`, which reads pictures, puts methods together and re-exports what is here.
+//! Make an [`Engine`], lend it images as [`Planes`], and call one of:
+//!
+//! - [`Engine::disparities`] for block matching;
+//! - [`SemiGlobal::optimize`](sgm::SemiGlobal::optimize) for semi-global matching, with a cost from [`cost`];
+//! - [`DisparityNetwork::disparities`](network::DisparityNetwork::disparities) for the network, on its
+//!   [`Inputs`](network::Inputs).
+//!
+//! The result is a [`DisparityMap`]. Most programs use the crate `multiscopic` instead, which reads pictures, combines these
+//! steps into methods and re-exports the types below.
 //!
 //! ```
 //! use multiscopic_core::{Fusion, SearchConfig, View, Views};
@@ -24,16 +30,19 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `progress` | [`Progress`]: how long work reports, and how it is interrupted |
+//! | `progress` | [`Progress`]: reports of long work, and its interruption |
 //! | `raster`, `disparity_map` | [`Raster`], [`DisparityMap`]: grids of pixels |
 //! | `planes` | [`Planes`]: the grey frames of a set, borrowed |
-//! | `error` | [`EngineError`]: why frames cannot be matched |
+//! | `error` | [`EngineError`]: the reasons that frames cannot be matched |
 //! | `simd` | [`Simd`]: the vector instructions of this processor |
-//! | `engine` | [`Engine`]: threads and vectors, and block matching on both |
+//! | `engine` | [`Engine`]: threads and vector instructions, and block matching on both |
 //! | [`cost`] | fused matching costs, row by row |
 //! | [`winner`] | winner-takes-all over costs |
 //! | [`sgm`] | semi-global matching |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
+//!
+//! The core defines every result, generic over instruction sets. This crate compiles it once, behind functions that are not
+//! generic, so that its users compile no kernel.
 
 pub mod cost;
 mod disparity_map;

@@ -4,9 +4,10 @@ use std::convert::Infallible;
 
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View};
 
-/// The grey frames of a set: a centre and its neighbours, all of the same size, row by row from the top.
+/// The grey frames of a set: a centre and its neighbours, all of the same size, one byte per pixel, row by row from the top.
 ///
-/// It borrows the pixels, so a copy costs as much as a few pointers.
+/// Start with the centre in [`new`](Planes::new) and add each neighbour by [`with`](Planes::with). The network also looks at
+/// colours, if [`with_color`](Planes::with_color) adds them. Pixels are borrowed, so a copy costs as much as a few pointers.
 #[derive(Clone, Debug)]
 pub struct Planes<'a> {
     size: [usize; 2],
@@ -20,17 +21,17 @@ impl<'a> Planes<'a> {
     /// A centre of `[width, height]` pixels, without neighbours.
     ///
     /// # Panics
-    /// If a side is 0, or `center` has not as many bytes as pixels.
+    /// If a side is 0, or `center` does not have as many bytes as pixels.
     pub fn new(size: [usize; 2], center: &'a [u8]) -> Planes<'a> {
         let [width, height] = size;
         assert!(!center.is_empty() && center.len() == width * height, "{} bytes for {width}x{height} pixels", center.len());
         Planes { size, center, neighbors: Vec::new(), color: None }
     }
 
-    /// The same with the grey pixels of a neighbour.
+    /// Adds the grey pixels of a neighbour, or replaces them.
     ///
     /// # Panics
-    /// If it has not as many bytes as the centre.
+    /// If it does not have as many bytes as the centre.
     pub fn with(mut self, view: View, pixels: &'a [u8]) -> Planes<'a> {
         assert_eq!(pixels.len(), self.center.len(), "the size of the {view} view");
         self.neighbors.retain(|(other, _)| *other != view);
@@ -38,7 +39,7 @@ impl<'a> Planes<'a> {
         self
     }
 
-    /// The same with the colours of the centre, three bytes for each pixel: the network looks for edges in them.
+    /// Adds the colours of the centre, three bytes for each pixel: the network looks for edges in them.
     ///
     /// # Panics
     /// If there are not three bytes for each pixel.

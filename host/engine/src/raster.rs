@@ -1,6 +1,9 @@
 //! A rectangular grid of pixels of any type.
 
 /// A grid of `width` x `height` pixels of type `T`, stored row by row from the top. It is never empty.
+///
+/// Make one from pixels by [`new`](Raster::new), or of one value by [`filled`](Raster::filled). Read it by pixel
+/// ([`get`](Raster::get)), by row ([`row`](Raster::row), [`rows`](Raster::rows)) or as a whole ([`pixels`](Raster::pixels)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster<T> {
     width: usize,
@@ -42,7 +45,7 @@ impl<T> Raster<T> {
         &mut self.pixels
     }
 
-    /// All pixels, row by row from the top.
+    /// Converts the raster to its pixels, row by row from the top.
     pub fn into_pixels(self) -> Vec<T> {
         self.pixels
     }
@@ -73,7 +76,7 @@ impl<T> Raster<T> {
         &mut self.pixels[v * self.width..][..self.width]
     }
 
-    /// A raster of the same size with `f` applied to every pixel.
+    /// Applies `f` to every pixel and returns the results as a raster of the same size.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Raster<U> {
         Raster { width: self.width, pixels: self.pixels.iter().map(f).collect() }
     }

@@ -16,7 +16,7 @@ use multiscopic_core::kernel::{Isa, Kernel, Portable};
 /// of 16 bytes. It goes pixel by pixel: loops for batches would be a third of all code, for processors that are rare.
 type Baseline = Portable<16>;
 
-/// Whether this processor has a feature that a kernel needs.
+/// Returns true if this processor has a feature that a kernel needs.
 #[cfg(target_arch = "x86_64")]
 fn is_detected(feature: &str) -> bool {
     macro_rules! detect {
@@ -30,7 +30,11 @@ fn is_detected(feature: &str) -> bool {
     detect!("avx2" "avx512f" "avx512bw" "avx512dq" "avx512vl" "bmi1" "bmi2" "lzcnt" "popcnt")
 }
 
-/// A set of vector instructions that this processor has.
+/// A set of vector instructions that this processor has, found at run time.
+///
+/// Results do not depend on the set, only the time does. An [`Engine`](crate::Engine) takes the [`fastest`](Simd::fastest) for
+/// each search unless it is given one of the [`available`](Simd::available), for example [by name](Simd::named). To run a
+/// kernel of your own, implement [`Task`] and call [`run`](Simd::run).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Simd(Level);
 

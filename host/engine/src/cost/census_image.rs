@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::census_sampling::{CensusSampling, blurred};
 use crate::simd::{Simd, Task};
 
-/// How an image is turned so that matches of ascending disparity are contiguous in its lines.
+/// The orientation of an image in which matches of ascending disparity are contiguous in its lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Orientation {
     Upright,
@@ -47,8 +47,7 @@ impl Orientation {
     }
 }
 
-/// How the descriptors of a line lie in memory: their bytes are planar, all first bytes, then all second bytes, and
-/// so on.
+/// The memory layout of the descriptors of a line. Their bytes are planar: all first bytes, then all second bytes, and so on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineShape {
     /// Pixels in a line.

@@ -40,7 +40,7 @@ impl<'a> CensusPairRows<'a> {
         CensusPairRows::of([CensusSampling::Opposite, CensusSampling::Reversed], frames, search, census, engine)
     }
 
-    /// The same with the fusion of another search, which is otherwise the same. They share the frames.
+    /// Returns these costs for a `search` that differs in its fusion only. Both share the frames.
     pub fn with_fusion_of(&self, search: &'a Search) -> CensusPairRows<'a> {
         CensusPairRows(self.0.each_ref().map(|rows| rows.with_fusion_of(search)))
     }

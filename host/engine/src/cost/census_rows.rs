@@ -30,7 +30,7 @@ struct CensusView {
     available: Vec<Range<u16>>,
 }
 
-/// What a view has for a row of the centre.
+/// The data of a view that a row of the centre is compared with.
 #[derive(Default)]
 struct ViewLine {
     /// Descriptors, unless those of all lines of the view are needed.
@@ -53,7 +53,7 @@ fn available(search: &Search, view: View, pixel: (usize, usize)) -> Range<u16> {
 }
 
 impl CensusView {
-    /// What row `v` of the centre needs, with `stride` candidates for each pixel.
+    /// Prepares the data that row `v` of the centre is compared with, with `stride` candidates for each pixel.
     #[inline(always)]
     fn line(&self, search: &Search, v: usize, stride: usize) -> ViewLine {
         let columns = match (self.view.is_horizontal(), self.view.is_vertical()) {
@@ -87,7 +87,7 @@ impl CensusView {
         gathered
     }
 
-    /// What row `v` of the centre is compared with, by its `line`.
+    /// Returns the descriptors that row `v` of the centre is compared with, given its prepared `line`.
     fn row<'a, const BYTES: usize>(&'a self, search: &Search, v: usize, line: &'a ViewLine, depth: usize) -> ViewRow<'a, BYTES> {
         let LineShape { length, stride, front, bytes } = self.image.shape;
         let is_mirrored = Orientation::of(self.view).is_mirrored();
@@ -140,7 +140,7 @@ pub struct CensusRows<'a> {
     views: Arc<[CensusView]>,
 }
 
-/// What is compared for row `v`.
+/// The descriptors of row `v` of the centre, and those of its candidates in all views.
 struct RowLines {
     v: usize,
     /// The descriptors of the centre.
@@ -207,7 +207,7 @@ impl<'a> CensusRows<'a> {
         CensusRows::sampled(CensusSampling::Opposite, frames, search, census, engine)
     }
 
-    /// The same by another sampling.
+    /// Prepares all frames with a sampling, on the threads of the engine.
     pub(super) fn sampled(
         sampling: CensusSampling,
         frames: &Planes<'_>,
@@ -237,12 +237,12 @@ impl<'a> CensusRows<'a> {
         })
     }
 
-    /// The same with the fusion of another search, which is otherwise the same.
+    /// Returns these costs for a `search` that differs in its fusion only.
     pub(super) fn with_fusion_of(&self, search: &'a Search) -> CensusRows<'a> {
         CensusRows { search, center: self.center.clone(), views: self.views.clone(), ..*self }
     }
 
-    /// What is compared for row `v`, with `stride` candidates for each pixel.
+    /// Prepares the descriptors to compare for row `v`, with `stride` candidates for each pixel.
     fn lines(&self, v: usize, stride: usize) -> RowLines {
         let (width, count) = (self.search.width(), self.search.num_disparities());
         let mut views = Vec::with_capacity(self.views.len());

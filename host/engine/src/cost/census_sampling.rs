@@ -1,9 +1,9 @@
-//! Which pixels a census compares, and of which image.
+//! The pixels that a census compares, and the image they are taken from.
 
 use multiscopic_core::Census;
 use rayon::prelude::*;
 
-/// Which pixels a census compares, and of which image.
+/// The pixels that a census compares, and the image they are taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum CensusSampling {
     /// Opposite pixels of the window, as the core does.

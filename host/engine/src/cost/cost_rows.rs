@@ -96,13 +96,16 @@ impl Cost for f32 {
     }
 }
 
-/// The fused costs of an image, computed row by row as an optimizer asks for them, in any order and from any
-/// thread.
+/// A source of fused matching costs, computed row by row as an optimizer asks for them, in any order and from any thread.
+///
+/// Use [`SadRows`](super::SadRows), [`CensusRows`](super::CensusRows) or [`CensusPairRows`](super::CensusPairRows), or implement
+/// [`search`](CostRows::search) and [`row`](CostRows::row) for a cost of your own. Pass the rows to
+/// [`SemiGlobal::optimize`](crate::sgm::SemiGlobal::optimize), or to one of the functions of [`winner`](crate::winner).
 pub trait CostRows: Sync {
     /// The type of a cost.
     type Cost: Cost;
 
-    /// What is searched for.
+    /// The search that the costs are for: the size of the image, the views and the disparities.
     fn search(&self) -> &Search;
 
     /// Computes the costs of row `v`. `row` has `stride` costs for each pixel: as many as there are disparities, rounded up to whole

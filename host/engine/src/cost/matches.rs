@@ -1,4 +1,4 @@
-//! Where the matches of a row lie.
+//! The positions of the matches of a row.
 
 use std::ops::Range;
 

@@ -5,6 +5,10 @@ use super::cost_rows::Cost;
 /// A cost volume: `width` x `height` pixels with `num_disparities` costs each. Rows follow each other from
 /// the top; the costs of a pixel lie side by side, the smallest disparity first.
 ///
+/// Fill one from [`CostRows`](super::CostRows) by [`winner::collect`](crate::winner::collect), or start with
+/// [`filled`](Volume::filled) and write its [rows](Volume::rows_mut). [`disparities`](Volume::disparities) selects the
+/// disparities of least cost. Optimizers that take costs row by row need no volume.
+///
 /// A volume of 1390 x 1110 pixels and 60 disparities takes 370 MB in `f32`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume<C> {

@@ -14,7 +14,8 @@ pub struct Activations {
     width: usize,
     channels: usize,
     bytes: Vec<u8>,
-    /// What lies beyond the first and the last row, and the first and the last slice.
+    /// A row of zeros, which stands in for rows above the first and below the last, and for those of slices before the first
+    /// and after the last.
     blank: Vec<u8>,
 }
 

@@ -33,8 +33,8 @@ pub struct Bands {
 }
 
 impl Bands {
-    /// How far the disparities of a band depend on inputs beyond it, in rows of pixels: those of its pixels on the disparities of
-    /// blocks up to 128 away, and these on costs up to 64 further.
+    /// The distance, in rows of pixels, up to which inputs outside a band affect its disparities: its pixels depend on the
+    /// disparities of blocks up to 128 away, and these depend on costs up to 64 further.
     const REACH: usize = 12 * STEP;
     /// The highest band.
     const MOST: usize = 128 * STEP;
@@ -57,7 +57,7 @@ impl Bands {
         None
     }
 
-    /// About how many bytes bands take, without the images.
+    /// Estimates the bytes that bands take, without the images.
     pub fn bytes(self, search: &Search) -> u64 {
         let (width, height, count) = (search.width(), search.height(), search.num_disparities());
         let stride = count.next_multiple_of(32);
@@ -69,7 +69,7 @@ impl Bands {
         (band + kept + paths) as u64
     }
 
-    /// What [`DisparityNetwork::disparities`] gives for all rows.
+    /// Computes the result of [`DisparityNetwork::disparities`] for all rows, band by band.
     ///
     /// # Errors
     /// As [`Engine::check`], and if there are more views than the core matches together.

@@ -46,8 +46,9 @@ impl DisparityNetwork {
     /// The disparities of a search with these inputs, and the probabilities that they are at most a pixel off, times
     /// 255. Every pixel has one.
     ///
-    /// The network looks twice: at the inputs, and at the same turned by half a turn. What it finds only in one position it is
-    /// not sure of, and errors that differ cancel. The inputs may have a disparity more than the search, which is not found.
+    /// The network looks twice: at the inputs, and at the same turned by half a turn. Disparities found in one position only
+    /// get a low confidence, and errors that differ cancel. If the inputs have a disparity more than the search, it is never
+    /// selected.
     pub fn disparities(&self, mut inputs: Inputs, search: &Search, engine: &Engine) -> (DisparityMap, Raster<u8>) {
         let operations = Operations { products: DotProducts::of(engine) };
         engine.install(|| {
@@ -57,7 +58,7 @@ impl DisparityNetwork {
         })
     }
 
-    /// What the network finds in one look.
+    /// Runs the network once over the inputs.
     fn look(&self, inputs: &Inputs, operations: Operations) -> Look {
         let blocks = self.block_disparities(inputs, operations);
         self.pixel_disparities(inputs, &blocks, operations)
@@ -96,7 +97,7 @@ impl DisparityNetwork {
         })
     }
 
-    /// What the colours of the blocks add to all of their candidates.
+    /// Computes the contribution of the blocks' colours, which is added to all candidates of a block.
     fn guide(&self, inputs: &Inputs, operations: Operations) -> RawOutputs {
         let [columns, rows] = inputs.blocks;
         let (width, height) = (inputs.colors.width(), inputs.colors.height());

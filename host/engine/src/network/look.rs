@@ -1,4 +1,4 @@
-//! What the network finds in one look at its inputs, and what two looks find together.
+//! The result of one look of the network at its inputs, and the combination of two looks.
 
 use multiscopic_core::{
     Disparity, Search,
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{disparity_map::DisparityMap, raster::Raster};
 
-/// What the network finds in one look.
+/// The result of one look of the network at its inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     /// Disparities from the least of the search on, in steps of a [`Disparity`].
@@ -25,7 +25,8 @@ pub struct Look {
 }
 
 impl Look {
-    /// What the outputs of the last layer tell. The `layers` compute those of the upper and of the lower of two rows.
+    /// Runs the last layer and reads disparities and confidences from its outputs. The two `layers` compute the outputs of
+    /// the upper and the lower of two rows.
     pub fn of_outputs(
         head: PixelHead,
         layers: &[QuantizedLayer; 2],

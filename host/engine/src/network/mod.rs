@@ -5,16 +5,16 @@
 //!
 //! [`multiscopic_core::network`] defines it, row by row. Here are the images, the threads and the vector instructions:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
-//! | [`Inputs`] | what the network sees of the images: the results of both passes, and the costs |
+//! | [`Inputs`] | the inputs of the network: the results of both passes, and the costs |
 //! | [`DotProducts`] | sums of products of bytes, with the vector instructions for them |
 //! | [`QuantizedLayer`] | a layer of the network |
-//! | [`Activations`], `operations` | what goes from layer to layer, and how |
+//! | [`Activations`], `operations` | the values between layers, and the operations on them |
 //! | `block_disparities` | the disparities of blocks, by the costs |
-//! | `look` | what the network finds, once and in two looks |
-//! | [`DisparityNetwork`] | all of it |
-//! | [`Bands`] | the same band by band |
+//! | `look` | the result of one look at the inputs, and the combination of two |
+//! | [`DisparityNetwork`] | the whole network |
+//! | [`Bands`] | the whole network band by band, in less memory |
 
 mod activations;
 mod bands;

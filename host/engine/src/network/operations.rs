@@ -9,7 +9,7 @@ use super::{
     quantized_layer::{QuantizedLayer, Runs},
 };
 
-/// What the outputs of a row are added to before they are clamped.
+/// The values that a row's outputs are added to before they are clamped.
 #[derive(Clone, Copy, Debug)]
 pub enum Skip<'a> {
     /// Nothing.
@@ -49,7 +49,7 @@ impl Operations {
         })
     }
 
-    /// The same in an image, without clamping.
+    /// A convolution of 3x3 cells of an image, without clamping.
     pub fn convolve_raw(self, layer: &QuantizedLayer, input: &Activations) -> RawOutputs {
         let [_, height, width] = input.size();
         let row = width * layer.padded_outputs();
@@ -106,7 +106,8 @@ impl Operations {
         })
     }
 
-    /// The same for a volume. Those of `layers` give the rows of the first slice, then those of the second.
+    /// Products of the channels of each cell, which give a volume of twice the size. The first two of `layers` give the rows of
+    /// the first slice, the others those of the second.
     pub fn double_volume(self, layers: &[QuantizedLayer; 4], input: &Activations, skip: &Activations) -> Activations {
         self.rows(skip.size(), skip.channels(), input.cell(), Skip::Activations(skip), |[slice, y]| {
             (&layers[2 * (slice as usize % 2) + y as usize % 2], [input.row(slice / 2, y / 2)])

@@ -10,7 +10,7 @@ use super::dot_products::{DotProducts, PANEL, Panel, PanelTask, WeightLine};
 /// runs, one for each row, of three pixels; the runs of neighbouring positions overlap.
 #[derive(Clone, Copy, Debug)]
 pub struct Runs<'a, const RUNS: usize> {
-    /// Where the runs of the first position start.
+    /// The input bytes from the start of each run of the first position on.
     pub runs: [&'a [u8]; RUNS],
     /// Bytes from a position to the next, a multiple of 4.
     pub stride: usize,

@@ -6,7 +6,7 @@
 //! instructions: see `wavefront`. Each thread keeps a few rows. With four or eight paths, there is a volume
 //! of sums: two bytes for each pixel and disparity.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `parameters` | the parameters |
 //! | `path_block` | the paths of a few columns, as a row sends them to the next |
@@ -42,9 +42,10 @@ impl Paths {
 }
 
 impl SemiGlobal {
-    /// Selects disparities by the sums of path costs, and puts their peak ratios into `peaks`, if there is one. `center` has the
-    /// pixels of the image whose edges lower P2. Also returns the sums if `keep_sums` is set, which takes the volume that several passes
-    /// take.
+    /// Sums the costs of `rows` along the paths and selects the disparities of least sum. The edges of the image `center` lower
+    /// P2.
+    /// `peaks` receives the peak ratios, if it is given. If `keep_sums` is set, the sums are returned too: a volume of two bytes
+    /// for each pixel and disparity, which several passes take anyway.
     pub fn optimize(
         &self,
         rows: &dyn CostRows<Cost = u8>,

@@ -1,8 +1,8 @@
-//! What semi-global matching charges, and along which paths.
+//! The paths of semi-global matching, and the penalties along them.
 
 use multiscopic_core::{PathPenalties, SemiGlobalCost};
 
-/// Where paths come from.
+/// The sides that paths come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Paths {
     /// Left, right, top and bottom, in two passes.
@@ -28,12 +28,15 @@ impl Paths {
     }
 }
 
-/// The parameters of semi-global matching. Every value of this type is valid.
+/// Semi-global matching: its paths and their penalties. Every value of this type is valid.
+///
+/// Start from [`default_for`](SemiGlobal::default_for) with the cost and the number of views. Then call
+/// [`optimize`](SemiGlobal::optimize) with fused [costs](crate::cost::CostRows) to select disparities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SemiGlobal {
-    /// Where paths come from.
+    /// The sides that paths come from.
     pub paths: Paths,
-    /// What they charge, in units of the matching cost, whatever the fusion.
+    /// The penalties for changes of disparity along the paths, in units of the matching cost, whatever the fusion.
     pub penalties: PathPenalties,
 }
 

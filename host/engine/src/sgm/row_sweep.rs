@@ -16,11 +16,11 @@ pub(super) const MOST_VECTORS: usize = 128;
 /// The paths of a pass.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pass {
-    /// Whether the pass starts at the last row.
+    /// True if the pass starts at the last row.
     pub upwards: bool,
-    /// Whether there are paths along the row, in both directions.
+    /// True if there are paths along the row, in both directions.
     pub along_rows: bool,
-    /// Whether there are diagonal paths from row to row.
+    /// True if there are diagonal paths from row to row.
     pub diagonals: bool,
 }
 
@@ -28,12 +28,12 @@ pub(super) struct Pass {
 #[derive(Debug)]
 pub(super) struct RowTask<'a> {
     pub v: usize,
-    /// What the previous passes add to the costs, to which this one adds its own; in the end, the sums of all
-    /// path costs. If `None`, this is the only pass, and sums are not kept.
+    /// The excess of the previous passes' path costs over the matching costs. This pass adds its own; the last pass leaves the
+    /// sums of all path costs. If `None`, this is the only pass, and sums are not kept.
     pub sums: Option<&'a mut [u16]>,
-    /// Where the selected disparities go, in the last pass.
+    /// Receives the selected disparities, in the last pass.
     pub disparities: Option<&'a mut [Option<Disparity>]>,
-    /// Where their peak ratios go, if they are asked for.
+    /// Receives their peak ratios, if they are asked for.
     pub peaks: Option<&'a mut [u8]>,
 }
 

@@ -79,9 +79,9 @@ struct Worker<'a, 'b> {
     wavefront: &'a Wavefront<'a>,
     pass: Pass,
     strips: Vec<Vec<RowTask<'b>>>,
-    /// Whether its first strip is the first of the pass.
+    /// True if its first strip is the first of the pass.
     has_first: bool,
-    /// Whether its last strip is the last of the pass.
+    /// True if its last strip is the last of the pass.
     has_last: bool,
     receiver: Receiver<PathBlock>,
     sender: Sender<PathBlock>,
@@ -180,7 +180,7 @@ impl Worker<'_, '_> {
     }
 }
 
-/// How often a thread asks for a block before it sleeps: for a fraction of a millisecond.
+/// The number of times that a thread asks for a block before it sleeps: a fraction of a millisecond in all.
 const ATTEMPTS: usize = 500;
 
 impl Worker<'_, '_> {

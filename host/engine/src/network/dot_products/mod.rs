@@ -4,7 +4,7 @@
 //! weights to each output. Inputs are at most 127, so that all instructions give the same sums: two products never
 //! exceed 16 bits.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `panel` | the trait of all panels, and a row of outputs that any of them can compute |
 //! | `plain_panel` | plain Rust, which defines the sums |

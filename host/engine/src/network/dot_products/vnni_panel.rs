@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use super::panel::{PANEL, Panel, PanelTask, WeightLine};
 
-/// Whether this processor has all of the instructions.
+/// Returns true if this processor has all of the instructions.
 pub fn is_detected() -> bool {
     is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")

@@ -1,4 +1,4 @@
-//! What the network sees of the images.
+//! The inputs of the network, computed from the images.
 
 mod half_turn;
 
@@ -24,7 +24,7 @@ use crate::{
     simd::Task,
 };
 
-/// What the network sees of the images: whole numbers, whose meaning does not depend on the number of views.
+/// The inputs of the network: whole numbers, whose meaning does not depend on the number of views.
 ///
 /// Two passes of semi-global matching along eight paths, with the census in its usual window, give disparities and sums
 /// of path costs: A by the census [both ways](CensusPairRows::both_ways), and B by that at
@@ -37,7 +37,7 @@ pub struct Inputs {
     pub colors: Raster<[u8; 3]>,
     /// The disparities of A and B from the least of the search on, in steps of a [`Disparity`]; 0 where there is none.
     pub winners: [Raster<u16>; 2],
-    /// What is known of these two disparities: see [`MEASURES`].
+    /// The measures of these two disparities: see [`MEASURES`].
     pub measures: Raster<[u8; MEASURES]>,
     /// Candidates [pooled](pool) over blocks of 4 x 4 pixels: row of blocks by row, and within it disparity by disparity.
     pub volume: Vec<[u8; CANDIDATE_CHANNELS]>,
@@ -67,7 +67,7 @@ impl Inputs {
         Ok(inputs)
     }
 
-    /// What the image part of the network sees of row `y` of the padded image, with the disparities of `blocks`.
+    /// The inputs of the network's image part for row `y` of the padded image, with the disparities of `blocks`.
     pub fn pixel_row<'a>(&'a self, y: usize, blocks: &'a BlockDisparities) -> PixelRow<'a> {
         let inside = |y: usize| y.min(self.colors.height() - 1);
         PixelRow {
@@ -185,7 +185,7 @@ impl Inputs {
     }
 }
 
-/// Where values of candidates come from, line by line.
+/// A source of candidates' values, line by line.
 trait Lines: Sync {
     /// Computes the values of line `v`, `stride` for each pixel, and the measures by them, given the disparities of
     /// both passes in this line.
@@ -237,7 +237,7 @@ impl Lines for CostLines<'_> {
     }
 }
 
-/// What a thread needs for a row of blocks.
+/// The scratch memory of a thread for a row of blocks.
 #[derive(Default)]
 struct Scratch {
     /// The values of a line.

@@ -2,18 +2,18 @@
 //!
 //! Doc comments of what Python sees are written for `help()`.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `interpreter` | errors as Python's exceptions, and long work that leaves the interpreter to other threads |
 //! | `arrays` | numpy arrays as pictures and maps, and back |
 //! | `files` | reading and writing the program's files |
-//! | `evaluation` | how good disparities are |
+//! | `evaluation` | error metrics of disparities |
 //! | `options` | the keyword arguments of matching |
 //! | `match_result` | the result of matching, and the camera that depths follow from |
-//! | `capture` | the images of one capture, and how they are matched |
+//! | `capture` | the images of one capture, and matching of them |
 //! | `rig` | captured folders |
 //! | `views` | matching, rectification and inspection of arrays |
-//! | `multiscopic` | what Python imports |
+//! | `multiscopic` | the module that Python imports |
 
 mod arrays;
 mod capture;

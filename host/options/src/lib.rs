@@ -22,7 +22,7 @@
 //! type decides what Python takes. In the same file, say what the option changes, and add a line to the group's table of the
 //! page if it should have a control there.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | [`value`] | numbers, checked as they are parsed |
 //! | `named` | [`Named`]: values that are chosen by name |

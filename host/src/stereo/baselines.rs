@@ -1,4 +1,4 @@
-//! From short baselines to long ones.
+//! The refinement of disparities from short baselines by views at longer ones.
 
 use multiscopic_core::{Fusion, Params, Search, SearchConfig, View, Views};
 
@@ -9,14 +9,14 @@ use crate::{
     progress::Progress,
 };
 
-/// How views at longer baselines refine what those at the shortest found: block matching of gradients around its
+/// Refines the disparities found at the shortest baseline by views at longer ones: block matching of gradients around these
 /// disparities, as [`Params::around`] defines it.
 ///
 /// Long baselines are precise but hard to match, short ones easy. A long view is searched only a few of its pixels around
 /// the multiple of the disparity that the short views found, and the result is in fractions of their pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LongBaselines {
-    /// How many disparities are searched around those of the short views, in pixels of the long baseline.
+    /// The number of disparities searched around those of the short views, in pixels of the long baseline.
     pub num_disparities: u16,
     /// The side of the block in pixels, as [`Params`] has it.
     pub block_size: u8,

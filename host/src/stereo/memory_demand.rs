@@ -11,7 +11,7 @@ use super::{
 use crate::images::Frames;
 
 impl Method {
-    /// About how many bytes it takes to match these frames, themselves included, and to tell how confident the disparities are.
+    /// Estimates the bytes that it takes to match these frames and to compute confidences, the frames included.
     ///
     /// Of graph cuts it is counted. Of others it is a line through what the program took at up to eight views and 64
     /// disparities, rounded up: up to twice as much, or a little more if no image has colors.
@@ -52,7 +52,7 @@ impl Method {
         Bands::within(most.saturating_sub(image_bytes(search)), search).filter(|_| is_network)
     }
 
-    /// The same as [`bytes`](Method::bytes), in bands if it is the network that does not fit at once.
+    /// Estimates [`bytes`](Method::bytes), in bands if the network does not fit at once.
     pub(super) fn least_bytes(&self, search: &Search, frames: &Frames, engine: &Engine) -> u64 {
         match self.bands(search, frames, engine) {
             Some(bands) => image_bytes(search) + bands.bytes(search),

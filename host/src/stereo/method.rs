@@ -27,9 +27,16 @@ use crate::{
     progress::Progress,
 };
 
-/// A stereo method: a pipeline of matching cost, aggregation and optimization, and the refinement of what it finds (the four steps of
-/// Scharstein and Szeliski 2002). Costs are fused over the views before anything else is done with them, so that all other steps cost
-/// the same for any number of views.
+/// A stereo method: a pipeline of matching cost, aggregation and optimization, and the refinement of the disparities that it
+/// finds (the four steps of Scharstein and Szeliski 2002).
+///
+/// Make one by [`net`](Method::net), [`semi_global`](Method::semi_global), [`block_matching`](Method::block_matching) or
+/// [`graph_cuts`](Method::graph_cuts), by [name](super::MethodName::method), or from a [`Pipeline`] by [`new`](Method::new).
+/// Set its filters by [`with_refinement`](Method::with_refinement). Then call [`disparities`](Method::disparities) or
+/// [`disparities_and_confidences`](Method::disparities_and_confidences).
+///
+/// Costs are fused over the views before anything else is done with them, so that all other steps cost the same for any number
+/// of views.
 ///
 /// ```
 /// use multiscopic::{Method, stereo::{Refinement, refinement::Median}};
@@ -40,7 +47,7 @@ use crate::{
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
-    /// The way from images to disparities.
+    /// The steps from images to disparities.
     pub pipeline: Pipeline,
     /// The checks and filters of the disparities that the pipeline finds.
     pub refinement: Refinement,
@@ -48,7 +55,9 @@ pub struct Method {
     pub long_baselines: Option<LongBaselines>,
 }
 
-/// A way from images to disparities: a matching cost, and an optimizer that selects disparities by it.
+/// The steps from images to disparities: a matching cost, and an optimizer that selects disparities by it.
+///
+/// Pass it to [`Method::new`], and call the method. The docs of each variant begin with its name on command lines.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pipeline {
     /// `bm`: the least sum of absolute differences over a block, by the core's [`Matcher`](multiscopic_core::Matcher).
@@ -158,7 +167,7 @@ impl Method {
         Method::new(Pipeline::Network(DisparityNetwork::trained()))
     }
 
-    /// The same method with a refinement.
+    /// Replaces the refinement.
     pub fn with_refinement(self, refinement: Refinement) -> Method {
         Method { refinement, ..self }
     }
@@ -171,7 +180,7 @@ impl Method {
         }
     }
 
-    /// True if it counts in blocks anywhere, so that a block size has an effect.
+    /// Returns true if any step counts in blocks, so that a block size has an effect.
     pub fn has_blocks(&self) -> bool {
         let counts_in_blocks = match self.pipeline {
             Pipeline::BlockMatching { .. } | Pipeline::GraphCuts { .. } => true,
@@ -181,7 +190,7 @@ impl Method {
         counts_in_blocks || self.refinement.texture.is_some()
     }
 
-    /// True if colours matter to it, where frames have them.
+    /// Returns true if the method looks at colours, where frames have them.
     pub fn needs_color(&self) -> bool {
         let sees_color = match self.pipeline {
             Pipeline::GraphCuts { .. } | Pipeline::McCnn { .. } | Pipeline::Network(_) => true,
@@ -323,7 +332,7 @@ impl Method {
         engine.install(|| self.refinement.refine_sub_pixels(map, frames, views, range))
     }
 
-    /// The same by all views together.
+    /// Estimates disparities by all views together, and the evidence for them.
     fn disparities_together(
         &self,
         engine: &Engine,

@@ -1,19 +1,23 @@
-//! Stereo matching in its four steps (Scharstein and Szeliski 2002): matching cost, aggregation,
-//! optimization, refinement.
+//! Stereo matching in its four steps (Scharstein and Szeliski 2002): matching cost, aggregation, optimization, refinement.
 //!
-//! The kernels are those of the crate `multiscopic-engine`, whose types stand here beside what is built on them.
+//! Choose a [`Method`]: [`Method::net`] is the trained network, [`Method::semi_global`] and [`Method::block_matching`] are
+//! faster. [`MethodName`] lists all methods with their defaults. Then call [`Method::disparities`] with an [`Engine`], the
+//! frames and the search, or [`Method::disparities_and_confidences`]. The modules below are the steps, for pipelines of your
+//! own.
+//!
+//! The kernels are those of the crate `multiscopic-engine`, whose types are re-exported here.
 //!
 //! | module | what it is |
 //! | --- | --- |
 //! | [`Engine`], [`Simd`] | threads and vectors; block matching by the core, which is all four steps in one |
 //! | [`cost`] | matching costs of a pixel and its matches, fused over the views |
 //! | [`aggregation`] | costs averaged over a support region |
-//! | [`optimization`] | from costs to disparities |
+//! | [`optimization`] | the selection of disparities by their costs |
 //! | [`refinement`] | checks and filters of the disparities |
 //! | [`confidence_map`] | the probabilities that disparities are right |
 //! | [`LongBaselines`] | the refinement by views at longer baselines |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
-//! | [`Method`] | a pipeline of these steps, and its refinement |
+//! | [`Method`] | a [`Pipeline`] of these steps, and its [`Refinement`] |
 //! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
 //! | [`MethodName`] | the methods by name, each with its defaults |
 

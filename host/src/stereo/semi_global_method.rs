@@ -23,7 +23,7 @@ pub struct SemiGlobalMethod {
     pub p2: Option<u8>,
     /// The difference of brightness above which P2 is lowered.
     pub p2_edge: Option<u8>,
-    /// Where paths come from.
+    /// The sides that paths come from.
     pub paths: Paths,
 }
 

@@ -35,8 +35,7 @@ impl SupportRegion {
 pub struct Aggregation {
     /// The support region.
     pub region: SupportRegion,
-    /// How often costs are aggregated before the optimization, and after it (`cbca_num_iterations_1` and
-    /// `_2`).
+    /// The number of aggregations before the optimization, and after it (`cbca_num_iterations_1` and `_2`).
     pub iterations: [usize; 2],
 }
 

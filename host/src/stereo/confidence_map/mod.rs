@@ -1,11 +1,11 @@
-//! Confidence: how probable it is that a disparity is at most one pixel off, for every method.
+//! Confidence: the probability that a disparity is at most one pixel off, for every method.
 //!
-//! Two measures of each pixel decide: how many of the disparities around agree with its own, and the *evidence*, a byte that the
-//! method gives. A [`ConfidenceTable`] of the method has the probabilities.
+//! Two measures of each pixel decide: the number of disparities around that agree with its own, and the *evidence*, a byte that
+//! the method gives. A [`ConfidenceTable`] of the method has the probabilities.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
-//! | `support` | evidence for a method whose costs tell little: how far the network supports its disparities |
+//! | `support` | evidence for a method whose costs tell little: the support of its disparities by the network |
 //! | `method_tables` | the tables of the methods that the core does not have |
 
 mod method_tables;
@@ -58,7 +58,7 @@ pub fn of_probability(probability: f64) -> u8 {
     (255.0 * probability).round() as u8
 }
 
-/// From which probability on disparities are called sure.
+/// The probability from which on disparities are called sure.
 pub const SURE: f64 = 0.9;
 
 /// The share of pixels whose disparities are [sure](SURE), from 0 to 1.

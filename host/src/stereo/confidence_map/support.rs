@@ -1,4 +1,4 @@
-//! Evidence for a method whose costs tell little: how far the network supports its disparities.
+//! Evidence for a method whose costs tell little: the support of its disparities by the network.
 
 use rayon::prelude::*;
 
@@ -11,13 +11,13 @@ use crate::{
 const STEPS: [f32; 15] =
     [0.036, 0.063, 0.109, 0.182, 0.289, 0.426, 0.574, 0.711, 0.818, 0.891, 0.937, 0.964, 0.980, 0.989, 0.994];
 
-/// At which distance, in pixels, the support has fallen to a sixteenth.
+/// The distance, in pixels, at which the support has fallen to a sixteenth.
 const REACH: f32 = 2.6;
 
-/// What disparities are worth of which the network is not sure at all, wherever its own are.
+/// The support of disparities where the network is not sure at all, whatever the distance from its own.
 const UNSURE: f32 = 0.15;
 
-/// How far the disparities of `opinion`, which are as `sure` as a confidence says, support those of `map`, in steps from 0 to 15.
+/// Returns the support that the disparities of `opinion`, with confidences `sure`, give those of `map`, in steps from 0 to 15.
 ///
 /// # Panics
 /// If the three differ in size.

@@ -12,15 +12,15 @@ use multiscopic_core::{Frame, Search, View};
 use super::{Cost, CostRows, RowMatches, fused_cost};
 use crate::images::Frames;
 
-/// The matching cost, and what it is computed of.
+/// The matching cost of grey values or colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BirchfieldTomasi {
-    /// Whether colours are matched, where all frames have them, instead of grey values.
+    /// True to match colours instead of grey values, where all frames have them.
     pub color: bool,
 }
 
 impl BirchfieldTomasi {
-    /// Whether the colours of `frames` are matched.
+    /// Returns true if the colours of `frames` are matched.
     pub fn matches_color(self, frames: &Frames) -> bool {
         self.color && frames.color(Frame::Center).is_some()
     }
@@ -116,7 +116,7 @@ impl Intervals {
         Intervals { width, height, channels: (0..channels).map(channel).collect() }
     }
 
-    /// How many channels it has.
+    /// Returns the number of channels.
     pub fn channels(&self) -> usize {
         self.channels.len()
     }
@@ -211,7 +211,7 @@ impl Channel {
     }
 }
 
-/// How far a value is from an interval.
+/// Returns the distance of a value from an interval.
 #[inline(always)]
 fn distance(value: i16, least: i16, greatest: i16) -> i16 {
     (least - value).max(value - greatest).max(0)

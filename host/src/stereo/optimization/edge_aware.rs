@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::{images::Raster, stereo::cost::Volume};
 
-/// What paths charge for a change of disparity. All values are above 0.
+/// The penalties along paths for changes of disparity. All values are above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Penalties {
     /// Penalty for a change by one disparity (`sgm_P1`).
@@ -124,7 +124,7 @@ impl<'a> EdgeAware<'a> {
         std::mem::swap(before, after);
     }
 
-    /// Whether any view that sees a candidate has an edge at its match.
+    /// Returns true if any view that sees a candidate has an edge at its match.
     #[inline]
     fn is_edge_of_views(&self, [u, v]: [usize; 2], index: usize, back: Back) -> bool {
         let d = self.search.min_disparity() + index as i16;
@@ -134,8 +134,8 @@ impl<'a> EdgeAware<'a> {
         })
     }
 
-    /// Whether an image has an edge between a pixel and the previous one on the path. If that lies outside,
-    /// it is an edge.
+    /// Returns true if an image has an edge between a pixel and the previous one on the path, or if the previous one lies
+    /// outside.
     #[inline]
     fn is_edge(&self, image: &Raster<f32>, [x, y]: [isize; 2], [du, dv]: Back) -> bool {
         let before = [x + du, y + dv];

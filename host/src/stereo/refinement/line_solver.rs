@@ -93,7 +93,7 @@ impl Plane {
     }
 }
 
-/// Where a strip is in a plane: its tile, and its row there.
+/// The place of a strip in a plane: its tile, and its row there.
 pub(super) type Place = (usize, usize);
 
 /// Writes the rows of a tile as columns. Not inlined, for with wider vectors than every processor has, it takes longer.
@@ -110,9 +110,9 @@ fn transpose(tile: &Tile, result: &mut Tile) {
 /// Laplacian of a chain of pixels, `(L u)[y]` being the sum of `link * (u[y] - u[neighbour])` over both neighbours.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineSolver<'a> {
-    /// What is added to the diagonal everywhere, above 0.
+    /// The constant added to the diagonal everywhere, above 0.
     pub shift: f32,
-    /// How much of the weights is added.
+    /// The factor by which the weights are multiplied before they are added to the diagonal.
     pub share: f32,
     /// The link of each pixel with the one in the next row, at least 0, and 0 in the last row.
     pub links: &'a Plane,

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::images::{DisparityMap, Frames, InterpolatedImage};
 
-/// How often disparities move.
+/// The number of iterations, each of which moves the disparities.
 const ITERATIONS: usize = 3;
 /// The standard deviation of the window in pixels, a Gaussian.
 const SIGMA: f64 = 1.5;
@@ -85,7 +85,7 @@ struct Scene {
     width: usize,
     height: usize,
     center: Vec<f32>,
-    /// How fast the centre's grey levels grow to the right and down.
+    /// The gradients of the centre's grey levels, to the right and down.
     gradients: Vec<[f32; 2]>,
     views: Vec<(View, InterpolatedImage)>,
     /// The longest baseline, as a multiple of the shortest.
@@ -94,13 +94,14 @@ struct Scene {
     window: [f32; 2 * RADIUS + 1],
 }
 
-/// How the pixels of a view differ from the centre.
+/// The differences between the centre's pixels and their matches in a view.
 struct Differences {
     /// The centre's grey level minus that of the match, 0 if the view does not see it.
     residuals: Vec<f32>,
-    /// How fast the match's grey level grows with the disparity, 0 if the view does not see it.
+    /// The derivative of the match's grey level by the disparity, 0 if the view does not see it.
     slopes: Vec<f32>,
-    /// The sum of the residuals of [`BRIGHTNESS_RADIUS`] pixels to both sides, and how many of their matches the view sees.
+    /// The sum of the residuals of [`BRIGHTNESS_RADIUS`] pixels to both sides, and the number of their matches that the view
+    /// sees.
     sums: Vec<f32>,
     counts: Vec<f32>,
 }
@@ -161,7 +162,7 @@ impl Scene {
         moved
     }
 
-    /// How the matches in a view differ from the centre.
+    /// Computes the differences between the centre's pixels and their matches in a view.
     fn differences(&self, view: View, image: &InterpolatedImage, disparities: &[f32]) -> Differences {
         let zeros = || vec![0.0; disparities.len()];
         let Scene { width, height, .. } = *self;
@@ -246,7 +247,7 @@ impl Scene {
 struct WindowSums {
     pulls: Vec<f32>,
     squares: Vec<f32>,
-    /// How much the disparities of the surface differ from that of the pixel.
+    /// The differences between the disparities of the surface and that of the pixel.
     gaps: Vec<f32>,
     weights: Vec<f32>,
 }

@@ -60,7 +60,7 @@ impl Median {
     }
 }
 
-/// How often each disparity occurs in a window, and those that share the upper half of their bits.
+/// The number of times that each disparity occurs in a window, and the same for all that share the upper half of their bits.
 struct Histogram {
     fine: Vec<u16>,
     coarse: [u16; 256],

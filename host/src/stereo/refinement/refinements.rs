@@ -1,4 +1,4 @@
-//! Which refinements are applied, and in what order.
+//! The refinements of a method, and the order in which they are applied.
 
 use std::ops::RangeInclusive;
 
@@ -17,30 +17,35 @@ use crate::{
     },
 };
 
-/// The refinements that are applied, in the order of the fields; by default none.
+/// The refinements of a method's disparities, applied in the order of the fields; by default none.
+///
+/// Set the fields you need, take the others from [`NONE`](Refinement::NONE), and pass the refinement to
+/// [`Method::with_refinement`](crate::stereo::Method::with_refinement): the method then applies it. To refine a map of your own,
+/// call [`check`](Refinement::check), [`filter`](Refinement::filter), [`refine_sub_pixels`](Refinement::refine_sub_pixels) and
+/// [`by_confidence`](Refinement::by_confidence), in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Refinement {
     /// The [uniqueness](super::keep_unique) ratio in percent.
     pub uniqueness: Option<u8>,
     /// The tolerance of the [left-right check](super::check_left_right) in pixels.
     pub left_right: Option<u16>,
-    /// The texture that is needed.
+    /// The threshold of texture below which disparities are dropped.
     pub texture: Option<TextureThreshold>,
     /// A median filter.
     pub median: Option<Median>,
     /// A bilateral filter.
     pub bilateral: Option<Bilateral>,
-    /// Small patches are invalidated.
+    /// A filter that invalidates small patches.
     pub speckles: Option<Speckles>,
     /// A sub-pixel step by the gradients of all views, those at longer baselines included.
     pub sub_pixel: Option<LucasKanade>,
-    /// What is more probably wrong than right is [repaired](Smoother::repair) by what is sure around it.
+    /// The [repair](Smoother::repair) of disparities that are more probably wrong than right, by the sure ones around them.
     pub repair: Option<Smoother>,
-    /// The least [confidence](crate::stereo::confidence_map) that disparities are kept with, after these filters.
+    /// The least [confidence](crate::stereo::confidence_map) of disparities that are kept after the filters above.
     pub min_confidence: Option<u8>,
-    /// A dense map from what is sure.
+    /// The smoother that makes a dense map from the sure disparities.
     pub smoother: Option<Smoother>,
-    /// Holes are filled from the background.
+    /// A filter that fills holes from the background.
     pub fill: Option<BackgroundFill>,
 }
 
@@ -60,17 +65,17 @@ impl Refinement {
         fill: None,
     };
 
-    /// Whether [`check`](Refinement::check) needs the costs that the disparities were selected by.
+    /// Returns true if [`check`](Refinement::check) needs the costs that the disparities were selected by.
     pub fn needs_costs(&self) -> bool {
         self.uniqueness.is_some() || self.left_right.is_some()
     }
 
-    /// Whether [`by_confidence`](Refinement::by_confidence) does anything.
+    /// Returns true if [`by_confidence`](Refinement::by_confidence) does anything.
     pub fn needs_confidences(&self) -> bool {
         self.repair.is_some() || self.min_confidence.is_some() || self.smoother.is_some() || self.fill.is_some()
     }
 
-    /// Whether the centre's colours matter.
+    /// Returns true if the centre's colours matter.
     pub fn needs_color(&self) -> bool {
         self.repair.is_some() || self.smoother.is_some()
     }
@@ -85,8 +90,8 @@ impl Refinement {
         }
     }
 
-    /// Applies what depends on the confidences of the filtered disparities, on the threads of the current pool. The
-    /// edges are those of the centre of `frames`.
+    /// Applies the refinements that depend on the confidences of the filtered disparities, on the threads of the current pool.
+    /// The edges are those of the centre of `frames`.
     ///
     /// # Errors
     /// If the parameters of a smoother are out of range.

@@ -32,14 +32,14 @@ use crate::{
 /// large blank surfaces are filled soon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Smoother {
-    /// How much smoothness counts beside a disparity that is certain: disparities are averaged over about its square root in
+    /// The weight of smoothness beside that of a certain disparity. Disparities are averaged over about its square root in
     /// pixels.
     pub smoothness: f32,
     /// The difference of grey levels that lowers the link of two neighbours to 1/e.
     pub sigma: f32,
     /// The distance in pixels of disparity from which a disparity counts as an outlier.
     pub scale: f32,
-    /// Whether a disparity weighs the square of its confidence.
+    /// True if disparities are weighted by the square of their confidence.
     pub squares: bool,
 }
 
@@ -119,7 +119,7 @@ impl Smoother {
         Ok((repaired, confidences))
     }
 
-    /// The same with the samples of a guide of `N` channels, given the range of the disparities.
+    /// Smooths `map` along the edges of a guide, given by its samples of `N` channels. `range` is that of the disparities.
     fn smooth<const N: usize>(
         &self,
         map: &DisparityMap,

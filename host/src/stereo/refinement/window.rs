@@ -1,4 +1,4 @@
-//! What the filters share: windows of valid disparities. Invalid pixels stay invalid and never count.
+//! Windows of valid disparities, which the filters share. Invalid pixels stay invalid and never count.
 
 use multiscopic_core::Disparity;
 use rayon::prelude::*;

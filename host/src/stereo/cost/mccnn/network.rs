@@ -82,7 +82,7 @@ pub struct Network {
     comparison: Comparison,
 }
 
-/// How features are compared.
+/// A comparison of features.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Comparison {
     /// By their cosine. Features have length 1, so it is their dot product.

@@ -45,7 +45,7 @@ impl Architecture {
         }
     }
 
-    /// How many times costs are aggregated before and after the optimization, as published for Middlebury.
+    /// The number of aggregations before the optimization, and after it, as published for Middlebury.
     pub fn iterations(self) -> [usize; 2] {
         match self {
             Architecture::Fast => [0, 0],

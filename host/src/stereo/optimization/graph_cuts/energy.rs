@@ -24,10 +24,10 @@ pub struct Energy {
     center: MatchedImage,
     pub(super) views: Vec<(View, MatchedImage)>,
     scale: i32,
-    /// From which difference in intensity on neighbours look different.
+    /// The difference in intensity from which on neighbours look different.
     pub(super) threshold: u8,
-    /// In how many views neighbours have to look different to count as different: in any of up to four (paper,
-    /// eq. 12), in half of more.
+    /// The number of views in which neighbours have to look different to count as different: any of up to four (paper,
+    /// eq. 12), half of more.
     ///
     /// The more views there are, the likelier it is that one of them sees something else at one of two matches,
     /// which has nothing to do with an edge between the neighbours. Where an edge is, at least half see it.
@@ -90,12 +90,12 @@ impl Energy {
         self.occlusion_cost
     }
 
-    /// How pixels without a match are treated.
+    /// The rule for pixels without a match.
     pub fn occlusion_rule(&self) -> Occlusion {
         self.occlusion_rule
     }
 
-    /// How neighbours with different labels are charged.
+    /// The rule for the cost of neighbours with different labels.
     pub fn smoothness_rule(&self) -> Smoothness {
         self.smoothness_rule
     }

@@ -8,15 +8,15 @@ use crate::stereo::cost::birchfield_tomasi::Intervals;
 pub const SEEN: u8 = 1;
 /// The bit of a Potts code that says that both pixels of a pair look different, in the centre or in a view.
 pub const DIFFERENT: u8 = 2;
-/// How far the code of a pixel and its right neighbour is shifted.
+/// The shift, in bits, of the code of a pixel and its right neighbour.
 pub const RIGHT: usize = 0;
-/// How far the code of a pixel and the neighbour below is shifted.
+/// The shift, in bits, of the code of a pixel and the neighbour below.
 pub const BELOW: usize = 4;
 
 /// An image in the forms that the energy reads.
 #[derive(Debug)]
 pub struct MatchedImage {
-    /// What data terms compare.
+    /// The intervals of intensity that data terms compare.
     pub intervals: Intervals,
     /// Grey, or red, green and blue; the other samples are 0.
     samples: Vec<[u8; 4]>,
@@ -49,7 +49,7 @@ impl MatchedImage {
         channels * 3 * size_of::<i16>() + size_of::<[u8; 4]>() + size_of::<u8>()
     }
 
-    /// Whether two pixels differ in any channel by `threshold` or more.
+    /// Returns true if two pixels differ in any channel by `threshold` or more.
     #[inline(always)]
     pub fn differ(&self, a: usize, b: usize, threshold: u8) -> bool {
         let (a, b) = (self.samples[a], self.samples[b]);

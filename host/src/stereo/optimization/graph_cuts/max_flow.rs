@@ -121,7 +121,7 @@ impl<T: Topology> MaxFlow<T> {
         self.residuals[head * T::DEGREE + T::REVERSE[arc]] += backward;
     }
 
-    /// Whether a node is on the sink's side of the minimum cut, after [`run`](MaxFlow::run). Of all minimum
+    /// Returns true if a node is on the sink's side of the minimum cut, after [`run`](MaxFlow::run). Of all minimum
     /// cuts it is the one with the smallest such side: the nodes from which more could flow to the sink.
     pub fn is_sink(&self, node: usize) -> bool {
         self.nodes[node].parent != FREE

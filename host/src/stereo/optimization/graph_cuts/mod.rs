@@ -20,7 +20,7 @@
 //! | `energy`, `smoothness` | data and smoothness terms |
 //! | `max_flow` | maximum flow and minimum cut |
 //! | `expansion` | moves that lower the energy |
-//! | `sub_pixel`, `enlarged` | what is done to disparities before and after |
+//! | `sub_pixel`, `enlarged` | disparities in fractions of a pixel, and matching of enlarged images |
 
 mod energy;
 mod enlarged;
@@ -50,9 +50,9 @@ use crate::{
 };
 
 impl GraphCuts {
-    /// About how many bytes of memory it takes to match images of `pixels` pixels in a number of views,
-    /// beside the images themselves. `colored` is whether they have colours. Images of 512 rows and more are
-    /// split into bands, whose graphs may take a little more.
+    /// Estimates the bytes of memory that it takes to match images of `pixels` pixels in a number of views, beside the images
+    /// themselves. `colored` is true if they have colours. Images of 512 rows and more are split into bands, whose graphs may
+    /// take a little more.
     pub fn bytes(&self, cost: BirchfieldTomasi, pixels: usize, views: usize, colored: bool) -> usize {
         let channels = if colored && cost.color { 3 } else { 1 };
         // An enlarged image, in its colours and in grey.

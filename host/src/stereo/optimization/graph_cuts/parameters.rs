@@ -1,6 +1,6 @@
 //! The parameters of graph cuts.
 
-/// How pixels without a match are treated.
+/// The rule for pixels without a match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occlusion {
     /// Matches are unique: no pixel of the view is the match of two pixels. A pixel without a match is
@@ -33,7 +33,7 @@ impl Occlusion {
     }
 }
 
-/// How neighbours with different labels are charged.
+/// The rule for the cost of neighbours with different labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothness {
     /// In proportion to the step between their disparities, up to a limit. A pixel next to an occluded one
@@ -62,10 +62,9 @@ impl Smoothness {
 pub struct GraphCuts {
     /// The cost of an occlusion in intensities: the paper's K. If `None`, it is found from the images.
     pub occlusion: Option<f64>,
-    /// How pixels without a match are treated. If `None`, [it depends](Occlusion::default_for) on the number
-    /// of views.
+    /// The rule for pixels without a match. If `None`, [it depends](Occlusion::default_for) on the number of views.
     pub occlusions: Option<Occlusion>,
-    /// How neighbours with different labels are charged.
+    /// The rule for the cost of neighbours with different labels.
     pub smoothness: Smoothness,
     /// The cost of a step between neighbours that look the same, and between those that look different, in
     /// intensities: the paper's lambda 1 and 2. If `None`, it is that of
@@ -78,13 +77,13 @@ pub struct GraphCuts {
     /// The block size of the block matching that gives the initial labels: see
     /// [`Params`](multiscopic_core::Params).
     pub start_block_size: u8,
-    /// How many times all disparities are tried at most.
+    /// The most times that all disparities are tried.
     pub sweeps: usize,
-    /// Determines the random order in which disparities are tried.
+    /// The seed of the random order in which disparities are tried.
     pub seed: u64,
-    /// Whether disparities are refined to fractions of a pixel, by the costs of a window.
+    /// True to refine disparities to fractions of a pixel, by the costs of a window.
     pub refine: bool,
-    /// Whether occluded pixels are filled: with the smaller, that is the background's, of the nearest
+    /// True to fill occluded pixels: with the smaller, that is the background's, of the nearest
     /// disparities on both sides along the baseline.
     pub fill: bool,
     /// The factor by which images are enlarged before they are matched, from 1 to

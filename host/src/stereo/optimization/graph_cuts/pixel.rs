@@ -37,6 +37,6 @@ pub struct NeighborPair {
     pub first: Pixel,
     /// The right or lower pixel.
     pub second: Pixel,
-    /// Whether the second pixel lies below the first, instead of to its right.
+    /// True if the second pixel lies below the first, false if it lies to its right.
     pub is_vertical: bool,
 }

@@ -9,7 +9,7 @@ use super::{
 use crate::stereo::cost::RowMatches;
 
 impl Energy {
-    /// What two neighbours pay for their labels (paper, eq. 6 and 12).
+    /// Returns the smoothness cost of two neighbours' labels (paper, eq. 6 and 12).
     #[inline(always)]
     pub fn smoothness(&self, pair: NeighborPair, label1: Label, label2: Label) -> i32 {
         if label1 == label2 {
@@ -21,7 +21,7 @@ impl Energy {
         }
     }
 
-    /// What two neighbours pay for a linear step between their labels.
+    /// Returns the linear cost of the step between two neighbours' labels.
     #[inline(always)]
     fn linear(&self, pair: NeighborPair, label1: Label, label2: Label) -> i32 {
         if label1 == label2 || label1 == OCCLUDED || label2 == OCCLUDED {
@@ -31,7 +31,7 @@ impl Energy {
         step * self.weight(pair, label1, label2)
     }
 
-    /// What two neighbours pay by Potts if just one of them has disparity `d`, and both could have it
+    /// Returns the Potts cost of two neighbours if just one of them has disparity `d`, and both could have it
     /// (Kolmogorov and Zabih).
     #[inline(always)]
     fn potts(&self, pair: NeighborPair, d: Label) -> i32 {
@@ -67,8 +67,8 @@ impl Energy {
         same
     }
 
-    /// What each pixel of row `v` and its neighbours to the right and below pay by Potts if just one of them
-    /// has `d`.
+    /// Computes a code of the Potts cost of each pixel of row `v` with its neighbours to the right and below, if just one of
+    /// the pair has `d`.
     ///
     /// A code has two bits, which index [`potts_costs`](Energy::potts_costs). Bits 0 and 1 are for the
     /// neighbour to the right, bits 4 and 5 for the one below.

@@ -23,7 +23,7 @@ pub struct Band {
     pub runs: Vec<Run>,
     /// The graph of the cut, for at least these rows.
     pub graph: BandGraph,
-    /// By how much the move changes the energy.
+    /// The change of the energy by the move.
     pub change: i64,
 }
 

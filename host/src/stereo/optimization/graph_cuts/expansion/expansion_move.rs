@@ -46,7 +46,7 @@ impl Neighbors {
     }
 }
 
-/// What a move does to a pixel, in the order that cuts need.
+/// The outcome of a move for a pixel, in the order that cuts need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The pixel keeps its label.
@@ -76,7 +76,7 @@ pub struct ExpansionMove<'a> {
     pub proposed_potts_codes: &'a [u8],
     /// The cost of each Potts code: see [`Energy::potts_costs`].
     pub potts_costs: [i32; 4],
-    /// Whether a pixel may change.
+    /// True for each pixel that may change.
     pub is_free: &'a [bool],
     /// For each pixel of the view, row by row without padding: the slot of the pixel whose match it is, or
     /// [`NO_OWNER`].
@@ -175,7 +175,7 @@ impl ExpansionMove<'_> {
         }
     }
 
-    /// What the pixel at `slot`, one of two neighbours with different labels, pays by Potts.
+    /// Returns the Potts cost of the pixel at `slot`, one of two neighbours with different labels.
     #[inline(always)]
     pub fn potts_cost(&self, neighbors: Neighbors, slot: usize, outcome: Outcome) -> i32 {
         let arc = neighbors.arc();
@@ -187,7 +187,7 @@ impl ExpansionMove<'_> {
         self.potts_costs[usize::from(code & 3)]
     }
 
-    /// By how much the energy changes with the next labels of the band.
+    /// Returns the change of the energy with the next labels of the band.
     pub fn change_to(&self, next: &[Label]) -> i64 {
         let outcome = |slot: usize| match self.is_free[slot].then(|| next[slot - self.first_slot]) {
             Some(after) if after == self.labels[slot] => Keep,

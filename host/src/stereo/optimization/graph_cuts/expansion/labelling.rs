@@ -24,7 +24,7 @@ pub struct Labelling<'a> {
     pub(super) labels: Vec<Label>,
     /// The labels after the current move.
     next: Vec<Label>,
-    /// Whether the pixel may change in the current move.
+    /// True for each pixel that may change in the current move.
     is_free: Vec<bool>,
     /// The data costs of the labels.
     data: Vec<i32>,
@@ -40,7 +40,7 @@ pub struct Labelling<'a> {
     pub(super) match_owners: Vec<u32>,
     bands: Vec<Band>,
     total: i64,
-    /// What the last move changed.
+    /// The pixels that the last move changed.
     pub(super) changes: Vec<LabelChange>,
 }
 

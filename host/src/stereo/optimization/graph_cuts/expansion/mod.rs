@@ -3,7 +3,7 @@
 //! | file | what it is |
 //! | --- | --- |
 //! | `padding` | arrays with a border around the image |
-//! | `trials` | where it is worth trying which label |
+//! | `trials` | the labels that are worth a trial, cell by cell |
 //! | `topology` | the graphs of a move: their nodes and arcs |
 //! | `expansion_move` | a move's costs, before and after |
 //! | `capped_cut`, `unique_cut` | the best move as a minimum cut, for each [`Occlusion`](super::Occlusion) |

@@ -1,4 +1,4 @@
-//! Where it is worth trying which label.
+//! The labels that are worth a trial, cell by cell.
 
 use std::ops::Range;
 
@@ -7,14 +7,14 @@ use crate::stereo::optimization::graph_cuts::pixel::Pixel;
 /// Pixels along the side of a cell.
 const SIDE: usize = 4;
 
-/// Which labels are worth a trial in which cells: squares of 4 x 4 pixels.
+/// The labels that are worth a trial in each cell, a square of 4 x 4 pixels.
 ///
 /// After a trial, a label is not worth another one until something changes that the outcome depends on.
 #[derive(Clone, Debug)]
 pub struct Trials {
     columns: usize,
     rows: usize,
-    /// For each label, whether its trial is due in each cell.
+    /// True if a trial is due, for each label and cell.
     due: Vec<bool>,
 }
 
@@ -27,7 +27,7 @@ pub struct CellSet {
 }
 
 impl CellSet {
-    /// Whether the cell of a pixel is in the set.
+    /// Returns true if the cell of a pixel is in the set.
     #[inline(always)]
     pub fn contains(&self, u: usize, v: usize) -> bool {
         self.cells[v / SIDE * self.columns + u / SIDE]

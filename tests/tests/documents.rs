@@ -1,5 +1,5 @@
-//! What the guides name exists: files, headings, and packages of cargo's commands. `cargo xtask`'s own tests check its commands, and
-//! those of the program its command lines.
+//! Checks that everything that the guides name exists: files, headings, and packages of cargo's commands. `cargo xtask`'s own
+//! tests check its commands, and those of the program its command lines.
 
 use std::{
     collections::BTreeSet,
@@ -54,7 +54,7 @@ impl Guide {
         self.text.split("```").step_by(2).collect()
     }
 
-    /// What stands in code style within the text.
+    /// Returns the parts of the text in code style.
     fn code(&self) -> Vec<String> {
         self.prose().split('`').skip(1).step_by(2).map(str::to_owned).collect()
     }

@@ -6,7 +6,7 @@ use multiscopic_tests::reference::confidence;
 
 use crate::support::assert_same;
 
-/// What an input of fewer bytes is taken for.
+/// The word that stands in for one that the input is too short for.
 const SHORT: &[u8] = &[0; 3];
 
 fn compare(input: &mut Unstructured) -> Result<()> {

@@ -7,7 +7,7 @@ use syn::{Ident, Item, ItemUse, UseTree, Visibility, ext::IdentExt};
 
 use super::crate_tree::{CrateTree, ModuleId};
 
-/// What a path refers to.
+/// The target of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Target {
     Module(ModuleId),
@@ -62,8 +62,8 @@ impl<'a> Resolver<'a> {
         resolver
     }
 
-    /// What `path` refers to in `module`. There are several targets if a type and a function share the name,
-    /// or if it depends on the platform; none if it leads out of the crate.
+    /// Returns the targets of `path` in `module`. There are several if a type and a function share the name, or if it depends
+    /// on the platform; none if it leads out of the crate.
     pub fn resolve(&self, module: ModuleId, path: &[String]) -> HashSet<Target> {
         self.follow(module, path, &mut HashSet::new())
     }

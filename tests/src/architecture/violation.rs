@@ -7,7 +7,7 @@ use std::fmt;
 pub struct Violation {
     /// The file or folder, relative to the workspace.
     pub place: String,
-    /// What is wrong.
+    /// The violation in words.
     pub message: String,
 }
 

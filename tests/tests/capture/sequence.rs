@@ -76,7 +76,7 @@ struct Slide {
     stopped: bool,
     /// The distance by which the stage was bumped.
     bump: Rc<Cell<f64>>,
-    /// When the camera came to rest.
+    /// The time at which the camera came to rest.
     still_since: Rc<Cell<Duration>>,
 }
 

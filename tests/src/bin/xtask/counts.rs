@@ -14,7 +14,7 @@ pub type Counts = BTreeMap<String, f64>;
 
 /// A committed record.
 pub struct CountRecord {
-    /// What it counts.
+    /// The unit that it counts.
     unit: &'static str,
     /// Its path in the workspace.
     path: &'static str,
@@ -57,7 +57,7 @@ pub fn compare(counts: &Counts, record: &Counts) -> Result<()> {
     Ok(())
 }
 
-/// What is wrong with a count. Counts far below the record are wrong too, so that the record stays accurate.
+/// Returns what is wrong with a count, or `None`. Counts far below the record are wrong too, so that the record stays accurate.
 fn verdict(name: &str, counted: f64, recorded: Option<&f64>) -> Option<String> {
     let Some(recorded) = recorded else { return Some(format!("{name}: counted {counted:.3}, nothing recorded")) };
     let change = 100.0 * (counted / recorded - 1.0);

@@ -2,16 +2,16 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `system` | other programs, threads, and where things are |
-//! | `tools` | the programs that checks run, and how they are installed |
+//! | `system` | other programs, threads, and paths |
+//! | `tools` | the programs that checks run, and their installation |
 //! | `counts` | the recorded counts of instructions and cycles |
-//! | `timing` | how many cycles instructions take |
+//! | `timing` | the cycles that instructions take |
 //! | `machine` | the virtual machine with cameras |
 //! | `emulation` | emulated boards: firmware is built for them, run and measured |
-//! | `firmware_checks` | what the firmware must do on the boards |
-//! | `publishing` | what others receive: crates, archives of the program, and what both depend on |
-//! | `workspace_checks` | what the whole workspace must do |
-//! | `suite` | which steps each suite runs |
+//! | `firmware_checks` | checks of the firmware on the boards |
+//! | `publishing` | everything that is published: crates, archives of the program, and the dependencies of both |
+//! | `workspace_checks` | checks of the whole workspace |
+//! | `suite` | the steps that each suite runs |
 
 mod counts;
 mod emulation;

@@ -142,12 +142,12 @@ const FIRMWARE: [Step; 11] = [
 /// The step of `test` that waits for the tests of the firmware.
 const WAITING: &str = "the firmware, in the background";
 
-/// What the suites take, as measured on two processors.
+/// The disk space and time that the suites take, as measured on two processors.
 const LINT_NEEDS: Needs = Needs { command: "cargo xtask lint", disk_gib: 2.5, minutes: 6 };
 const TEST_NEEDS: Needs = Needs { command: "cargo xtask test", disk_gib: 6.0, minutes: 20 };
 const ALL_NEEDS: Needs = Needs { command: "cargo xtask test --all", disk_gib: 24.0, minutes: 600 };
 
-/// How much to test.
+/// The extent of the tests.
 #[derive(Args, Clone, Copy)]
 pub struct Extent {
     /// Also what takes long or builds anew: every profile on every board, archives built twice, 64-bit Arm, AddressSanitizer,

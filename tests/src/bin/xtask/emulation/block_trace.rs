@@ -1,4 +1,4 @@
-//! Which blocks of a firmware image ran, and after which.
+//! The blocks of a firmware image that ran, each with the block before it.
 
 use anyhow::{Context, Result};
 use std::{collections::BTreeMap, fs, path::Path};
@@ -20,10 +20,10 @@ pub struct TracedBlock {
     pub instructions: usize,
 }
 
-/// What happened when a block ran after another one.
+/// The runs of one block right after another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Succession {
-    /// How often.
+    /// The number of these runs.
     pub times: u64,
     /// The additional accesses to memory, of all these times together, if each access to an unaligned address is split
     /// into aligned ones.

@@ -19,7 +19,7 @@ pub struct Debugger {
     stream: TcpStream,
 }
 
-/// Why the firmware stopped.
+/// The reason that the firmware stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// It reached a breakpoint, or made a step.

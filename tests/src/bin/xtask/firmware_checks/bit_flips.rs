@@ -45,7 +45,7 @@ const WHOLE: i32 = 0;
 const LOST: i32 = 2;
 const NAMED: [(i32, &str); 4] = [(101, "a panic"), (102, "a hard fault"), (103, "a stack overflow"), (104, "the watchdog")];
 
-/// How many bits to flip.
+/// The number of bits to flip.
 #[derive(Args)]
 pub struct BitFlips {
     /// Bits to flip, one a run
@@ -68,7 +68,7 @@ enum Part {
     FreeStack,
 }
 
-/// What came of a flip.
+/// The effect of a flip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Effect {
     /// The packets are the same.
@@ -89,7 +89,7 @@ struct Target<'a> {
     workspace: u32,
     parameters: Range<u32>,
     stack: Range<u32>,
-    /// Where phases begin: matching, fetching and sending.
+    /// The addresses at which phases begin: matching, fetching and sending.
     phases: [u32; 3],
     matching: Matching,
     expected: Vec<Option<Disparity>>,
@@ -205,7 +205,7 @@ impl<'a> Target<'a> {
         Ok((part, effect))
     }
 
-    /// Where a part is.
+    /// Returns the addresses of a part.
     fn memory(&self, part: Part, stack_pointer: u32) -> Range<u32> {
         let lengths = self.matching.lengths::<Wide>();
         let words = self.workspace..self.workspace + 4 * lengths.words() as u32;
@@ -220,7 +220,7 @@ impl<'a> Target<'a> {
         }
     }
 
-    /// What became of the frames. Fails if the firmware ended without a name, or if a later frame is not right.
+    /// Returns the effect on the frames. Fails if the firmware ended without a name, or if a later frame is not right.
     fn effect(&self, exit: &Exit, folder: &Path) -> Result<Effect> {
         if let Some((_, name)) = NAMED.into_iter().find(|(code, _)| *code == exit.code) {
             let is_named = exit.output.lines().last().is_some_and(|line| line.starts_with("firmware: "));

@@ -21,12 +21,12 @@ const VIEWS: Views = Views::HORIZONTAL;
 const GRID: DisplacementGrid = DisplacementGrid::new(WIDTH, HEIGHT, 16).expect("a valid grid");
 /// The coefficients of the lens: k1, k2, p1, p2, k3. The corners move by 4 pixels.
 const DISTORTION: [f64; 5] = [-0.25, 0.06, 0.001, -0.0005, 0.0];
-/// How the camera is turned against its stage, in degrees about the axes to the right, down and ahead.
+/// The rotation of the camera against its stage, in degrees about the axes to the right, down and ahead.
 const TILT_DEG: [f64; 3] = [1.5, -1.0, 2.0];
 /// The largest error of the grid in pixels.
 const MOST_OFF: f64 = 0.1;
 
-/// How the camera is turned besides, in degrees.
+/// Returns the further rotation of the camera at a frame, in degrees about the same axes.
 fn turn_deg(frame: Frame) -> [f64; 3] {
     match frame {
         Frame::View(View::LEFT) => [0.3, -0.4, 0.5],

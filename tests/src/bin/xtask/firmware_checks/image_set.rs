@@ -120,7 +120,7 @@ impl ImageSet {
         Ok(Some(method.disparities_and_confidences(&Engine::new(None, 2)?, &self.frames(), lines.search(), &())?.1))
     }
 
-    /// What the host's network gives.
+    /// Computes disparities and confidences with the host's network.
     fn by_network(&self, params: &NetworkParams) -> Result<(DisparityMap, ConfidenceMap)> {
         let method = Method { long_baselines: None, ..Method::net() };
         Ok(method.disparities_and_confidences(&Engine::new(None, 2)?, &self.frames(), params.search(), &())?)

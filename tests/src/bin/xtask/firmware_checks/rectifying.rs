@@ -37,12 +37,12 @@ pub const NAME: &str = "qqvga-rectified";
 pub const FUSION: Fusion = Fusion::Min;
 /// Bytes of the word beside the lines that notes whether they are lent.
 const FLAG: usize = 4;
-/// By how much the share of pixels near the truth may be smaller than that of an ideal camera's frames.
+/// The most by which the share of pixels near the truth may be smaller than that of an ideal camera's frames.
 const MOST_LOST: f64 = 0.05;
 /// The largest share of them without rectification.
 const MOST_WITHOUT: f64 = 0.5;
 
-/// What the firmware is to do with the frames.
+/// The way that the firmware is to match the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Way {
     Rectified,
@@ -125,7 +125,7 @@ pub fn run(toolchain: &Toolchain, boards: &[&'static EmulatedBoard], update: boo
     counts::RECTIFICATION.hold(&counts, update, &format!("cargo xtask edge --profile {NAME} --update"))
 }
 
-/// What the firmware must send.
+/// Computes the packets that the firmware must send.
 fn host_packets(set: &DistortedSet, way: Way) -> Result<Vec<u8>> {
     let frames = match way {
         Way::Rectified => &set.rectified()?,

@@ -23,7 +23,7 @@ const LIMIT: Duration = Duration::from_secs(1800);
 /// The machine's RAM.
 const MEMORY: &str = "1G";
 
-/// What the machine prints before and after the tests' output.
+/// The texts that the machine prints before and after the tests' output.
 const UP: &str = "guest: up ";
 const EXIT_CODE: &str = "guest: exit code ";
 

@@ -1,4 +1,4 @@
-//! What others receive: crates, archives of the program, and what both depend on.
+//! Everything that is published: crates, archives of the program, and the dependencies of both.
 
 pub mod crates;
 pub mod public_api;

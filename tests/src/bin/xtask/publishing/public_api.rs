@@ -12,7 +12,7 @@ use crate::{
 /// The features with which the host is compared: all but `v4l2`, whose published bindings need libclang.
 const HOST_FEATURES: &str = "calibration,mcap,scene";
 
-/// What to compare with.
+/// The comparison of the public API with an earlier one.
 #[derive(Args)]
 pub struct PublicApi {
     /// The revision of before [default: the newest tag]

@@ -24,7 +24,7 @@ use crate::{
 
 const NAME: &str = concat!("multiscopic-", env!("CARGO_PKG_VERSION"));
 
-/// Where files go below the prefix, from the root of the workspace.
+/// The documents of the archive, by their paths from the root of the workspace.
 const DOCUMENTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE"];
 /// Shells, and where they look for completions.
 const COMPLETIONS: [(&str, &str); 3] = [
@@ -33,7 +33,7 @@ const COMPLETIONS: [(&str, &str); 3] = [
     ("fish", "share/fish/vendor_completions.d/multiscopic.fish"),
 ];
 
-/// How a release is made.
+/// The making of a release.
 #[derive(Args)]
 pub struct Release {
     /// Build it twice, in different folders, and fail unless both have the same bytes
@@ -200,7 +200,8 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What the program's package tells `cargo binstall`, for this version and machine: where the archive is, and the program in it.
+/// Returns what the program's package tells `cargo binstall` for this version and machine: the archive's address, and the path of
+/// the program in it.
 fn binstall() -> Result<[String; 2]> {
     let metadata = read(&mut command("cargo", ["metadata", "--no-deps", "--format-version", "1"]))?;
     let metadata: Value = serde_json::from_str(&metadata)?;

@@ -1,4 +1,4 @@
-//! What the workspace is made of: dependencies, the reasons for them, and our own unsafe code. `cargo deny` checks their licences.
+//! The parts of the workspace: dependencies, the reasons for them, and our own unsafe code. `cargo deny` checks their licences.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -74,7 +74,7 @@ impl SupplyChain {
     }
 }
 
-/// What Cargo knows of all packages.
+/// Cargo's metadata of all packages.
 struct Metadata(Value);
 
 impl Metadata {
@@ -165,7 +165,7 @@ fn table_rows<'a>(document: &'a str, heading: &str) -> impl Iterator<Item = &'a 
     section.lines().filter(|line| line.starts_with('|')).skip(2)
 }
 
-/// What stands in code style in the first cells of the table below a heading.
+/// Returns the text in code style in the first cells of the table below a heading.
 fn first_cells(document: &str, heading: &str) -> BTreeSet<String> {
     table_rows(document, heading).filter_map(|row| Some(row.split('`').nth(1)?.to_owned())).collect()
 }
@@ -212,7 +212,7 @@ impl<'ast> Visit<'ast> for UnsafeCode {
     }
 }
 
-/// What each of our packages has in `src`, if anything. Code that macros make is not seen.
+/// Returns the unsafe code in `src` of each of our packages that has any. Code that macros make is not seen.
 fn unsafe_code(workspace: &Metadata) -> Result<Vec<UnsafeCode>> {
     let mut all = Vec::new();
     for package in workspace.own() {

@@ -8,7 +8,7 @@ use crate::system::{
     process::{command, read},
 };
 
-/// What a suite takes in a fresh clone on two processors.
+/// The disk space and time that a suite takes in a fresh clone on two processors.
 pub struct Needs {
     /// The suite's command.
     pub command: &'static str,

@@ -35,7 +35,7 @@ impl Scope {
     }
 }
 
-/// What came of steps.
+/// The outcomes of steps.
 #[derive(Default)]
 pub struct Report {
     outcomes: Vec<Outcome>,

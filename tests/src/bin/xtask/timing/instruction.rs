@@ -1,4 +1,4 @@
-//! What the text of an instruction says of its time.
+//! The properties of an instruction that its time depends on, read from its text.
 
 /// An instruction as the disassembler prints it, with a label for the target of a branch.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,12 +40,12 @@ impl Instruction {
         }
     }
 
-    /// Whether it loads one register.
+    /// Returns true if it loads one register.
     pub fn is_load(&self) -> bool {
         self.name().starts_with("ldr") && self.transfers().is_none()
     }
 
-    /// Whether it stores one register.
+    /// Returns true if it stores one register.
     pub fn is_store(&self) -> bool {
         self.name().starts_with("str") && self.transfers().is_none()
     }

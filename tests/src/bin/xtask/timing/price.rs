@@ -1,4 +1,4 @@
-//! What instructions cost on each processor.
+//! The cost of instructions on each processor.
 
 use anyhow::{Context, Result};
 use multiscopic::Processor;

@@ -14,7 +14,7 @@ pub struct SchedulingModel {
     pub cpu: &'static str,
     /// LLVM's name of the instruction set.
     pub triple: &'static str,
-    /// Whether a base register is written before anything else. `llvm-mca` lets no instruction write before an
+    /// True if a base register is written before anything else. `llvm-mca` lets no instruction write before an
     /// older one, so it would not pair such instructions, as the processor does.
     pub early_bases: bool,
 }

@@ -1,6 +1,6 @@
 //! Installs Debian's packages, and builds a toolchain for other targets from them.
 //!
-//! Where rustup reaches no server, Debian's compiler and library sources provide the targets: the library is
+//! If rustup reaches no server, Debian's compiler and library sources provide the targets: the library is
 //! compiled for each target, and a folder in rustup's layout combines it with Debian's compiler and the
 //! active toolchain's cargo and linker.
 
@@ -18,12 +18,12 @@ const COMPILER: [&str; 3] = ["rustc-web", "rust-web-src", "rust-web-clippy"];
 const RUSTC: &str = "/usr/bin/rustc";
 const MANIFEST: &str = "[package]\nname = \"seed\"\nversion = \"0.0.0\"\nedition = \"2024\"\n[workspace]\n";
 
-/// Whether this is Debian or a derivative.
+/// Returns true if this is Debian or a derivative.
 pub fn is_here() -> bool {
     Path::new("/etc/debian_version").is_file()
 }
 
-/// Whether packages can be installed: this is Debian or a derivative, and the user is root.
+/// Returns true if packages can be installed: this is Debian or a derivative, and the user is root.
 pub fn can_install() -> bool {
     let root = || read(&mut command("id", ["-u"])).is_ok_and(|id| id == "0");
     is_here() && root()
@@ -74,7 +74,7 @@ pub fn libraries(folder: &Path) -> Vec<PathBuf> {
     folders.filter(|path| path.to_string_lossy().contains("-linux-gnu")).collect()
 }
 
-/// Whether `folder` has a toolchain for `targets`, built from the installed compiler.
+/// Returns true if `folder` has a toolchain for `targets`, built from the installed compiler.
 pub fn is_toolchain(folder: &Path, targets: &[&str]) -> Result<bool> {
     if !Path::new(RUSTC).is_file() {
         return Ok(false);
@@ -148,7 +148,7 @@ fn make_core(folder: &Path, target: &str) -> Result<()> {
     Ok(())
 }
 
-/// Whether `target` has an operating system.
+/// Returns true if `target` has an operating system.
 fn has_system(target: &str) -> bool {
     target.contains("-linux-")
 }

@@ -73,23 +73,23 @@ pub const LLVM_OBJDUMP: Tool = Tool { program: "llvm-objdump-19", ..LLVM_MCA };
 /// The browser in which pages are tested.
 pub const CHROMIUM: Tool = Tool { program: "chromium", debian: &["chromium"], fedora: Some("chromium"), homebrew: None };
 
-/// What drives the browser.
+/// The runtime of the scripts that drive the browser.
 pub const NODE: Tool = Tool { program: "node", debian: &["nodejs"], fedora: Some("nodejs"), homebrew: Some("node") };
 
-/// What installs the libraries for that.
+/// The package manager that installs the libraries of these scripts.
 pub const NPM: Tool = Tool { program: "npm", debian: &["npm"], fedora: Some("nodejs-npm"), homebrew: Some("node") };
 
 /// The interpreter for which the Python package is tested. Debian has its virtual environments in a package of their own.
 pub const PYTHON: Tool =
     Tool { program: "python3", debian: &["python3", "python3-venv"], fedora: Some("python3"), homebrew: Some("python") };
 
-/// What packs and unpacks packages of Debian.
+/// The tool that packs and unpacks Debian's packages.
 pub const DPKG_DEB: Tool = Tool { program: "dpkg-deb", debian: &["dpkg"], fedora: Some("dpkg"), homebrew: Some("dpkg") };
 
 /// The workload manager of clusters: its controller, with the daemon of its nodes and the commands of its users.
 pub const SLURM: Tool = Tool { program: "slurmctld", debian: &["slurm-wlm"], fedora: Some("slurm-slurmctld"), homebrew: None };
 
-/// What authenticates its users.
+/// The service that authenticates its users.
 pub const MUNGE: Tool = Tool { program: "munged", debian: &["munge"], fedora: Some("munge"), homebrew: None };
 
 /// Every program that the firmware's tests need.

@@ -94,7 +94,7 @@ fn add(targets: &[&str]) -> Result<()> {
     run_within(&mut rustup, ADDING).context("rustup cannot add the targets")
 }
 
-/// Whether `folder` contains the core library.
+/// Returns true if `folder` contains the core library.
 fn has_core(folder: &Path) -> bool {
     let Ok(entries) = fs::read_dir(folder) else { return false };
     entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libcore-"))

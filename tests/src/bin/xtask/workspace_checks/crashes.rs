@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::Result;
 use clap::Args;
 
-/// How often to kill each command.
+/// The number of times to kill each command.
 #[derive(Args)]
 pub struct Crashing {
     /// Moments at which each command is killed

@@ -40,7 +40,7 @@ pub fn run_tests() -> Result<()> {
     machine.run(&format!("cd /tmp; {variables} '{}' --test-threads 1 --color never", test.display()))
 }
 
-/// Why no virtual machine can run here; `None` if one can.
+/// Returns the reason that no virtual machine can run here; `None` if one can.
 fn missing() -> Option<String> {
     if ARCH != "x86_64" || !debian::is_here() {
         return Some("its kernel is Debian's for x86_64, and this is another system".into());

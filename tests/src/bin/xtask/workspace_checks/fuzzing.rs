@@ -30,13 +30,13 @@ const PROFILE: &str = "fuzzing";
 const TARGET: &str = "MULTISCOPIC_FUZZ_TARGET";
 /// The memory in megabytes that an input may take.
 const MEMORY: u32 = 2048;
-/// How long an input may take, in seconds.
+/// The most time that an input may take, in seconds.
 const LONGEST: u64 = 20;
 
 /// The most inputs of one process without instruments, which says when they are done.
 const PART: u64 = 5_000_000;
 
-/// What to fuzz, and for how long.
+/// The targets to fuzz, and the time for each.
 #[derive(Args)]
 pub struct Fuzzing {
     /// Targets, by their names in `fuzz/seeds` [default: all]
@@ -56,7 +56,7 @@ pub struct Fuzzing {
     blind: Option<u64>,
 }
 
-/// What came of fuzzing a target.
+/// The outcome of fuzzing a target.
 struct Outcome {
     inputs: u64,
     time: Duration,

@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::{system::folders, tools::cargo_tool};
 
-/// What to break.
+/// The parts of the code to break.
 #[derive(Args)]
 pub struct Mutating {
     /// Parts of the code [default: all]

@@ -25,7 +25,7 @@ const TESTS: [&str; 7] = [
     "--test=methods",
 ];
 
-/// What watches the tests.
+/// The tool that watches the tests.
 #[derive(Args)]
 pub struct Sanitizing {
     /// Watch with Valgrind instead of AddressSanitizer: it also sees memory that was never written, but takes thirty times

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::Args;
 
-/// How many captures.
+/// The number of captures.
 #[derive(Args)]
 pub struct Soaking {
     /// Captures in all

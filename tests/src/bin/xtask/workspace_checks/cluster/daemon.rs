@@ -21,7 +21,7 @@ impl Daemon {
         command.spawn().map(Daemon).with_context(|| format!("cannot start {program}"))
     }
 
-    /// Whether it still runs.
+    /// Returns true if it still runs.
     pub fn is_running(&mut self) -> Result<bool> {
         Ok(self.0.try_wait()?.is_none())
     }

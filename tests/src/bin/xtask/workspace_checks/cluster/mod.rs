@@ -1,7 +1,7 @@
 //! Makes clusters of this machine, shares work between their nodes, loses one in the middle, and compares the results with those
 //! of one machine.
 //!
-//! What runs on them is what docs/many-machines.md shows.
+//! They run the commands that docs/many-machines.md shows.
 
 mod daemon;
 mod guide;
@@ -15,7 +15,7 @@ use clap::{Args, ValueEnum};
 use self::shared_folder::SharedFolder;
 use crate::system::process::built_program;
 
-/// Which clusters to make.
+/// The clusters to make.
 #[derive(Args)]
 pub struct Clusters {
     /// One engine alone
@@ -23,7 +23,7 @@ pub struct Clusters {
     engine: Option<ClusterEngine>,
 }
 
-/// What shares work between nodes.
+/// The software that shares work between nodes.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ClusterEngine {
     Slurm,

@@ -13,9 +13,9 @@ use std::{
 use super::guide;
 use crate::system::process::{command, run};
 
-/// How many rigs are in the list.
+/// The number of rigs in the list.
 const RIGS: usize = 24;
-/// What a cluster may take.
+/// The most time that a cluster may take.
 const PATIENCE: Duration = Duration::from_secs(540);
 
 /// The folder, with rigs and their list.
@@ -23,7 +23,7 @@ pub struct SharedFolder {
     folder: tempfile::TempDir,
     /// The folder of the program.
     programs: PathBuf,
-    /// What one machine makes of the list.
+    /// The result of the list on one machine.
     pub expected: String,
 }
 

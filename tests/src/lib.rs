@@ -1,13 +1,13 @@
 //! Code that the tests share: reference implementations, test images, and simulated hardware.
 //!
-//! | module | contents |
+//! | module | what it is |
 //! | --- | --- |
 //! | [`split_mix`] | random numbers that are the same everywhere |
 //! | `reference` | the definitions that the product is compared with |
 //! | `engines` | the host's engines, and how their maps are compared |
 //! | [`program`] | the command line as a process |
-//! | `killed_commands` | commands that are killed at random moments |
 //! | [`test_images`] | images and matches: golden, random, drawn and real |
+//! | `killed_commands` | commands that are killed at random moments |
 //! | [`simulated`] | arms, machines and cameras, with faults on demand |
 //! | `soak` | captures over and over on that hardware |
 //! | [`architecture`] | the rules that the workspace's sources keep |

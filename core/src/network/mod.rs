@@ -24,12 +24,12 @@ mod weight_file;
 
 pub use census_pair_lines::{CensusPair, CensusPairLines};
 pub use channels::{
-    BLOCK, BLOCKS, CANDIDATE_CHANNELS, MAX_POOLED_COST, MEASURES, PIXEL_CHANNELS, PixelRow, block_rows, cost_channel,
-    cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, paired, pool,
+    BLOCK, BLOCKS, BlockDisparity, CANDIDATE_CHANNELS, MAX_POOLED_COST, MEASURES, PIXEL_CHANNELS, PixelRow, block_rows,
+    cost_channel, cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, paired, pool,
 };
 pub use network_layers::{ImageLayers, NetworkLayers, Skeleton, VolumeLayers};
 pub use network_matcher::{NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError};
-pub use pixel_head::{BlockDisparity, Exponentials, PixelHead, PixelScores, blocks_around, two_looks};
+pub use pixel_head::{Exponentials, PixelHead, PixelScores, blocks_around, two_looks};
 pub use weight_file::{LayerRecord, QuantizedOutput, WeightError, WeightFile};
 
 /// The file with the trained weights.

@@ -2,12 +2,11 @@
 
 use core::{array, iter};
 
-use super::{MAX_ACTIVATION, channels::BLOCK};
+use super::{
+    MAX_ACTIVATION,
+    channels::{BLOCK, BlockDisparity},
+};
 use crate::Disparity;
-
-/// The disparity of a block of pixels that the volume part finds, from the least of the search on in steps, and how sure it is, from
-/// 0 to 127.
-pub type BlockDisparity = [u16; 2];
 
 /// The exponentials of 0 and what is below, in steps of a sixteenth: `4096 exp(-k / 16)`, rounded.
 #[derive(Clone, Debug, PartialEq, Eq)]

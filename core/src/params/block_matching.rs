@@ -2,7 +2,7 @@
 
 use super::{
     prior::Prior,
-    search::{ParamsError, Search},
+    search::{ParamsError, Search, SearchConfig},
 };
 use crate::{Frame, Fusion, View, Views};
 
@@ -255,4 +255,17 @@ pub(crate) fn latency_lines(search: &Search, range: (i16, i16), radius: usize) -
     let of = |frame| lead(range, radius, frame);
     let lead = search.views().iter().map(Frame::View).fold(of(Frame::Center), |most, frame| most.max(of(frame)));
     (lead as usize + 1).min(search.height())
+}
+
+impl SearchConfig {
+    /// The parameters of block matching in this search: [`Params::block_matching`].
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range, with its value.
+    pub const fn block_matching(self, block_size: u8) -> Result<Params, ParamsError> {
+        match self.checked() {
+            Ok(search) => Params::block_matching(search, block_size),
+            Err(error) => Err(error),
+        }
+    }
 }

@@ -2,7 +2,6 @@
 
 use core::{error, fmt};
 
-use super::{Params, SemiGlobalCost, SemiGlobalParams};
 use crate::{Disparity, Fusion, Views};
 
 /// The fields of a [`Search`] by their names: what is searched in frames of a size. Values out of range are refused by
@@ -62,28 +61,6 @@ impl SearchConfig {
             return Err(ParamsError::Range { min_disparity, num_disparities });
         }
         Ok(Search { config: self })
-    }
-
-    /// The parameters of block matching in this search: [`Params::block_matching`].
-    ///
-    /// # Errors
-    /// The first parameter that is out of its range, with its value.
-    pub const fn block_matching(self, block_size: u8) -> Result<Params, ParamsError> {
-        match self.checked() {
-            Ok(search) => Params::block_matching(search, block_size),
-            Err(error) => Err(error),
-        }
-    }
-
-    /// The parameters of semi-global matching in this search, with the default penalties: [`SemiGlobalParams::new`].
-    ///
-    /// # Errors
-    /// The first parameter that is out of its range, with its value.
-    pub const fn semi_global(self, cost: SemiGlobalCost) -> Result<SemiGlobalParams, ParamsError> {
-        match self.checked() {
-            Ok(search) => SemiGlobalParams::new(search, cost),
-            Err(error) => Err(error),
-        }
     }
 }
 

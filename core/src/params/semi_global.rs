@@ -2,7 +2,7 @@
 
 use super::{
     block_matching::{self, Params},
-    search::{ParamsError, Search},
+    search::{ParamsError, Search, SearchConfig},
 };
 use crate::{Frame, Fusion};
 
@@ -325,6 +325,19 @@ impl SemiGlobalParams {
     /// The latency in lines: as [`Params::latency_lines`].
     pub fn latency_lines(&self) -> usize {
         block_matching::latency_lines(&self.search, self.search.range(), self.reach())
+    }
+}
+
+impl SearchConfig {
+    /// The parameters of semi-global matching in this search, with the default penalties: [`SemiGlobalParams::new`].
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range, with its value.
+    pub const fn semi_global(self, cost: SemiGlobalCost) -> Result<SemiGlobalParams, ParamsError> {
+        match self.checked() {
+            Ok(search) => SemiGlobalParams::new(search, cost),
+            Err(error) => Err(error),
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use multiscopic::{
 
 use crate::{
     named::{Named, named, one_of},
-    page::{Entry, Settings, Unset, method},
+    page_entry::{Entry, Settings, Unset, method},
     value::positive,
 };
 

@@ -26,13 +26,14 @@
 //! | --- | --- |
 //! | [`value`] | numbers, checked as they are parsed |
 //! | `named` | [`Named`]: values that are chosen by name |
-//! | [`page`] | the controls of the page in the browser |
+//! | `page_entry` | the controls that options get on the page |
 //! | `search` | the search range, the block, and views at several baselines |
 //! | `graph_cuts` | the options of `gc` |
 //! | `semi_global` | the options of `sgm` |
 //! | `mc_cnn` | the options of `mccnn-fast` and `mccnn-accurate` |
 //! | `refinement` | checks and filters of disparities |
 //! | `matching` | all of them, and the method that they describe |
+//! | [`page`] | the controls of the page in the browser |
 //! | `machine` | threads, vector instructions and memory |
 //! | `preparation` | what is done to images before they are matched |
 //! | [`keywords`] | the keyword arguments of Python |
@@ -44,6 +45,7 @@ mod matching;
 mod mc_cnn;
 mod named;
 pub mod page;
+mod page_entry;
 mod preparation;
 mod refinement;
 mod search;

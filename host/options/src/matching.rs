@@ -13,7 +13,7 @@ use crate::{
     graph_cuts::GraphCutsOptions,
     mc_cnn::McCnnOptions,
     named::{Named, named},
-    page::Entry,
+    page_entry::Entry,
     refinement::RefinementOptions,
     search::{BaselineOptions, SearchOptions},
     semi_global::SemiGlobalOptions,

@@ -7,7 +7,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Fusion, Params, Search, SearchConfig, Views};
 
-use crate::page::{Entry, Unset, method};
+use crate::page_entry::{Entry, Unset, method};
 
 /// Returns the views that `--views` stands for.
 ///

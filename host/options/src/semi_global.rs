@@ -6,7 +6,7 @@ use multiscopic_core::Census;
 
 use crate::{
     named::{Named, named},
-    page::{Entry, Settings, Unset, method},
+    page_entry::{Entry, Settings, Unset, method},
 };
 
 /// The options of `--method sgm`.

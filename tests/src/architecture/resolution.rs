@@ -108,6 +108,10 @@ impl<'a> Resolver<'a> {
         for path in scope.imports.get(name).into_iter().flatten() {
             targets.extend(self.follow(module, path, visited));
         }
+        if targets.is_empty() && scope.imports.contains_key(name) {
+            // What another crate defines counts as the module's own.
+            targets.insert(Target::Item(module));
+        }
         if targets.is_empty() && module == 0 {
             // Exported macros are in the crate's root.
             targets.extend(self.macros.get(name).copied().map(Target::Item));

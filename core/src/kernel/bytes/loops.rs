@@ -234,3 +234,8 @@ pub(in crate::kernel) fn backward_loop<I: PixelLoops>(
         reach(Reached { column, costs, excess, winner });
     }
 }
+
+/// An instruction set with every operation of the matchers.
+pub trait Kernel: RunLoops {}
+
+impl<I: RunLoops> Kernel for I {}

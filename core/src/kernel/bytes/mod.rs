@@ -17,7 +17,7 @@ use super::blocks::Blocks;
 #[cfg(target_arch = "arm")]
 pub(super) use hamming::hamming_loop;
 pub use hamming::{CandidateRun, Candidates, hamming_run};
-pub use loops::{BackwardRun, ForwardRun, PixelLoops, Reached, RunLoops, RunPenalties};
+pub use loops::{BackwardRun, ForwardRun, Kernel, PixelLoops, Reached, RunLoops, RunPenalties};
 #[cfg(target_arch = "arm")]
 pub(super) use loops::{backward_loop, forward_loop};
 pub use paths::{Along, Slot, Step};
@@ -119,8 +119,3 @@ impl Divisor {
     /// The least dividend of three whose quotient is the greatest cost, and a little more.
     pub const MOST_THIRDS: u32 = 3 * Divisor::LIMIT as u32 + 2;
 }
-
-/// An instruction set with every operation of the matchers.
-pub trait Kernel: RunLoops {}
-
-impl<I: RunLoops> Kernel for I {}

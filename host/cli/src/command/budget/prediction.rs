@@ -6,7 +6,7 @@ use multiscopic::target::{Buffer, Ram};
 use multiscopic_edge::Matching;
 use serde::Serialize;
 
-use super::TargetOptions;
+use super::target_options::TargetOptions;
 
 /// The prediction; `--json` prints these fields.
 #[derive(Debug, Serialize)]

@@ -5,9 +5,8 @@ use multiscopic::{
     capture::{Accuracy, Choice, Survey},
     stereo::LongBaselines,
 };
-use multiscopic_core::{Search, Views};
+use multiscopic_core::{Search, View, Views};
 
-use super::recorder_options::at_multiple;
 use crate::command::options::SearchOptions;
 
 /// The choice of views at longer baselines.
@@ -116,4 +115,9 @@ impl Refinement<'_> {
         let distance = self.choice.distance_mm;
         format!("a noise of {noise:.4} pixels, {:.2} mm at {distance:.0} mm", self.survey.depth_mm(noise, distance))
     }
+}
+
+/// The nearest neighbours among `views` in the row and the column of the centre, at `multiple` baselines.
+pub fn at_multiple(views: Views, multiple: u8) -> Views {
+    View::CROSS.into_iter().filter(|view| views.contains(*view)).filter_map(|view| view.times(multiple)).collect()
 }

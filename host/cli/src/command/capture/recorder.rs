@@ -19,7 +19,10 @@ use multiscopic_core::{
 };
 use serde::Serialize;
 
-use super::{CaptureLog, long_baseline::LongBaseline};
+use super::{
+    capture_log::{self, CaptureLog},
+    long_baseline::LongBaseline,
+};
 use crate::command::{advice, hardware::Hardware, scene::TRUTH_FILE_NAME, terminal};
 
 /// Takes captures that differ only in their folder and date.
@@ -215,7 +218,7 @@ fn acquire(
     let mut done = 0;
     let Hardware { stage, camera, policy, interrupts, .. } = hardware;
     let images = acquire_images(stage, camera, plan, *policy, interrupts, |elapsed, progress| {
-        let step = super::step(plan, progress);
+        let step = capture_log::step(plan, progress);
         log.add(elapsed, &step);
         if let CaptureProgress::Captured(_) = progress {
             bar.inc(1);

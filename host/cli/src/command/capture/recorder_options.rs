@@ -13,7 +13,10 @@ use multiscopic::{
 };
 use multiscopic_core::{View, Views, capture::Plan};
 
-use super::{long_baseline::LongBaseline, recorder::Recorder};
+use super::{
+    long_baseline::{LongBaseline, at_multiple},
+    recorder::Recorder,
+};
 use crate::command::{
     hardware::Hardware,
     options::{HardwareOptions, NeighborOptions, SearchOptions, micrometres, value::positive},
@@ -164,9 +167,4 @@ impl LayoutOptions {
             ))),
         }
     }
-}
-
-/// The nearest neighbours among `views` in the row and the column of the centre, at `multiple` baselines.
-pub fn at_multiple(views: Views, multiple: u8) -> Views {
-    View::CROSS.into_iter().filter(|view| views.contains(*view)).filter_map(|view| view.times(multiple)).collect()
 }

@@ -8,14 +8,17 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    DisparityMap, Frames, Method, Result,
+    Frames, Method, Result,
     images::Layout,
     scene::{PinholeCamera, Scene, Shot, render_views},
-    stereo::confidence_map::ConfidenceMap,
 };
 use multiscopic_core::{Params, Search, Views};
 
-use self::{results_folder::ResultsFolder, results_page::ResultsPage, variants::variants};
+use self::{
+    results_folder::{Outcome, ResultsFolder},
+    results_page::ResultsPage,
+    variants::variants,
+};
 use super::{
     charts::Errors,
     options::{EngineOptions, SearchOptions},
@@ -186,20 +189,4 @@ impl Demo {
              multiscopic match {output} {search} -o disparities.pfm --png disparities.png"
         )
     }
-}
-
-/// The estimates of a variant, and their accuracy.
-pub struct Outcome {
-    /// The variant.
-    pub variant: Variant,
-    /// The method with its parameters.
-    pub method: Method,
-    /// The range that it searched.
-    pub search: Search,
-    /// The estimate.
-    pub disparities: DisparityMap,
-    /// Its confidences.
-    pub confidences: ConfidenceMap,
-    /// The errors.
-    pub record: Record,
 }

@@ -6,7 +6,7 @@ use std::{
 };
 
 use multiscopic::{
-    DisparityMap, Error, Picture, Result, Rig,
+    DisparityMap, Error, Method, Picture, Result, Rig,
     files::{
         FrameFiles,
         image_codec::write_png,
@@ -15,11 +15,11 @@ use multiscopic::{
     },
     images::montage,
     scene::{PinholeCamera, Shot},
-    stereo::MethodName,
+    stereo::{MethodName, confidence_map::ConfidenceMap},
 };
-use multiscopic_core::{Frame, View, Views};
+use multiscopic_core::{Frame, Search, View, Views};
 
-use super::{Outcome, variants};
+use super::variants;
 use crate::{
     command::{
         charts::Errors,
@@ -30,6 +30,7 @@ use crate::{
         contact_sheet::{self, PictureColumn},
         error_map,
     },
+    results::Record,
 };
 
 /// The frames, with their captions.
@@ -191,4 +192,20 @@ pub fn map_png(stem: &str) -> String {
 /// The file of a variant's errors.
 pub fn errors_png(stem: &str) -> String {
     format!("{stem}-errors.png")
+}
+
+/// The estimates of a variant, and their accuracy.
+pub struct Outcome {
+    /// The variant.
+    pub variant: Variant,
+    /// The method with its parameters.
+    pub method: Method,
+    /// The range that it searched.
+    pub search: Search,
+    /// The estimate.
+    pub disparities: DisparityMap,
+    /// Its confidences.
+    pub confidences: ConfidenceMap,
+    /// The errors.
+    pub record: Record,
 }

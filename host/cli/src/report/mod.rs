@@ -1,4 +1,5 @@
 //! Results for people to look at: HTML pages with a viewer, charts, colour bars, error maps, montages and contact sheets.
+#![cfg_attr(not(feature = "live"), expect(dead_code, unused_imports, reason = "the live page alone takes a few of these"))]
 
 mod chart;
 pub mod color_bar;

@@ -115,8 +115,9 @@ pub(crate) struct Batch<'a, 'm, L: Lane, I: Blocks<L>, const V: usize> {
     pub kept: &'a mut [[I::Costs; V]],
     /// The fused costs of each pixel, in the order of the disparities.
     pub fused: &'a mut [I::Costs],
-    /// [`Lane::MAX`] in the lanes of the last vector past the last disparity, and zero elsewhere, in the order of the disparities.
-    pub padding: I::Block,
+    /// If the last vector of a pixel has lanes past the last disparity: [`Lane::MAX`] in those lanes, and zero
+    /// elsewhere, in the order of the disparities.
+    pub padding: Option<I::Block>,
     /// The masks, if a view is not available at some pixel, and the column of the first pixel.
     pub masks: Option<(&'a mut Masks<'m, L, I, V>, usize)>,
 }
@@ -137,30 +138,37 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
 
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn fuse_vectors<const J: usize>(self, isa: I, steps: &mut Steps<'_, I, V>) {
-        match self.masks.is_some() {
-            true => self.fuse_hidden::<J, true>(isa, steps),
-            false => self.fuse_hidden::<J, false>(isa, steps),
+        match (self.masks.is_some(), self.padding.is_some()) {
+            // Masks hide the padding as well.
+            (true, _) => self.fuse_hidden::<J, true, false>(isa, steps),
+            (false, true) => self.fuse_hidden::<J, false, true>(isa, steps),
+            (false, false) => self.fuse_hidden::<J, false, false>(isa, steps),
         }
     }
 
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn fuse_hidden<const J: usize, const MASKED: bool>(self, isa: I, steps: &mut Steps<'_, I, V>) {
+    fn fuse_hidden<const J: usize, const MASKED: bool, const PADDED: bool>(self, isa: I, steps: &mut Steps<'_, I, V>) {
         match self.rule {
             // Masks cannot hide views from a sum.
-            Rule::Sum if V > 1 && !MASKED => self.fuse_by_rule::<J, MASKED>(isa, Rule::Sum, steps),
-            Rule::Half if Rule::HAS_HALF && V > 2 => self.fuse_by_rule::<J, MASKED>(isa, Rule::Half, steps),
-            Rule::Heuristic if V > 2 => self.fuse_by_rule::<J, MASKED>(isa, Rule::Heuristic, steps),
-            _ => self.fuse_by_rule::<J, MASKED>(isa, Rule::Min, steps),
+            Rule::Sum if V > 1 && !MASKED => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Sum, steps),
+            Rule::Half if Rule::HAS_HALF && V > 2 => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Half, steps),
+            Rule::Heuristic if V > 2 => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Heuristic, steps),
+            _ => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Min, steps),
         }
     }
 
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn fuse_by_rule<const J: usize, const MASKED: bool>(mut self, isa: I, rule: Rule, steps: &mut Steps<'_, I, V>) {
+    fn fuse_by_rule<const J: usize, const MASKED: bool, const PADDED: bool>(
+        mut self,
+        isa: I,
+        rule: Rule,
+        steps: &mut Steps<'_, I, V>,
+    ) {
         const { assert_costs::<L, I>() };
         let Some(blocks) = self.blocks.first_chunk_mut::<J>().filter(|_| steps.vectors() == J) else { return };
         let mut sums = [[isa.splat(L::default()); V]; J];
         let mut masks = sums;
-        let padding = self.padding;
+        let padding = self.padding.unwrap_or(isa.splat(L::default()));
         load(isa, blocks, &mut sums);
         let (mut fused, mut kept) = (self.fused.as_chunks_mut::<J>().0, self.kept.as_chunks_mut::<J>().0);
         let mut pixel = 0;
@@ -204,8 +212,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
                     });
                     let costs = if MASKED { rule.fuse_masked(costs, isa.splat(L::MAX)) } else { rule.fuse(costs) };
                     let costs = costs.ordered();
-                    // Masks hide the padding as well.
-                    let costs = if !MASKED && j + 1 == J { costs.max(padding) } else { costs };
+                    let costs = if PADDED && j + 1 == J { costs.max(padding) } else { costs };
                     costs.store(fused);
                 }
                 if rule != Rule::Min

@@ -142,13 +142,10 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// The padding in the order of the disparities, zero in all lanes if there is none.
+    /// The padding in the order of the disparities.
     #[inline(always)]
-    pub fn ordered_padding(&self) -> I::Block {
-        match &self.padding {
-            Some(padding) => self.isa.load_block(padding).ordered(),
-            None => self.isa.splat(L::default()),
-        }
+    pub fn ordered_padding(&self) -> Option<I::Block> {
+        self.padding.map(|padding| self.isa.load_block(&padding).ordered())
     }
 
     /// The disparities of a batch of pixels, refined if both neighbours exist; by `exact` costs where lanes

@@ -24,15 +24,6 @@ class _Options(TypedDict, total=False):
     min_disparity: int | None
     num_disparities: int | None
     block_size: int | None
-    auto_range: bool | None
-    align: bool | None
-    bits: Literal[10, 12, 14, 16] | None
-    cost: Literal["census", "census2", "sad"] | None
-    census: Literal["5x5", "7x7", "9x7"] | None
-    p1: int | None
-    p2: int | None
-    p2_edge: int | None
-    paths: Literal[4, 5, 8] | None
     occlusion_cost: float | Literal["auto"] | None
     occlusions: Literal["unique", "capped"] | None
     smoothness: Literal["linear", "potts"] | None
@@ -46,6 +37,12 @@ class _Options(TypedDict, total=False):
     refine: bool | None
     keep_occluded: bool | None
     upsample: Literal[1, 2, 3, 4] | None
+    cost: Literal["census", "census2", "sad"] | None
+    p1: int | None
+    p2: int | None
+    p2_edge: int | None
+    paths: Literal[4, 5, 8] | None
+    census: Literal["5x5", "7x7", "9x7"] | None
     sgm_p1: float | None
     sgm_p2: float | None
     sgm_q1: float | None
@@ -56,8 +53,8 @@ class _Options(TypedDict, total=False):
     cbca_distance: int | None
     cbca_iterations_1: int | None
     cbca_iterations_2: int | None
-    uniqueness_ratio: int | None
     disp12_max_diff: int | None
+    uniqueness_ratio: int | None
     texture_threshold: int | None
     speckle_window_size: int | None
     speckle_range: int | None
@@ -68,10 +65,13 @@ class _Options(TypedDict, total=False):
     min_confidence: float | None
     smooth: bool | None
     fill: Literal["background"] | None
-    prior: npt.ArrayLike | None
     prior_disparities: int | None
     prior_median: int | None
     together: bool | None
+    align: bool | None
+    auto_range: bool | None
+    bits: Literal[10, 12, 14, 16] | None
+    prior: npt.ArrayLike | None
     confidence: bool | None
     threads: int | None
     simd: str | None

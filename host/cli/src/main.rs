@@ -17,7 +17,7 @@ use multiscopic::files::Limits;
 
 /// Accurate depth from one camera moved on purpose.
 #[derive(Debug, Parser)]
-#[command(version, arg_required_else_help = true)]
+#[command(name = "multiscopic", version, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -158,8 +158,11 @@ impl Service for Liar {
             return ControlFlow::Continue(());
         }
         if !self.has_told_truth {
+            // Alone, so that the driver begins with it.
             self.has_told_truth = true;
+            self.next = Some(now + Duration::from_millis(100));
             answer.extend(Saying::TRUE.bytes());
+            return ControlFlow::Continue(());
         }
         let Some(saying) = self.sayings.lock().expect("sayings").next() else { return ControlFlow::Break(()) };
         answer.extend(saying.bytes());

@@ -39,7 +39,7 @@ pub(crate) struct McCnnOptions {
     sgm_d: Option<f64>,
 
     /// Average costs over a cross of pixels that differ in brightness by less than this, in standard deviations of the image
-    #[arg(long, value_name = "N", default_value_t = SupportRegion::ACCURATE.intensity.into(), value_parser = positive)]
+    #[arg(long, value_name = "N", default_value_t = decimal(SupportRegion::ACCURATE.intensity), value_parser = positive)]
     cbca_intensity: f64,
 
     /// Limit the arms of that cross to less than this many pixels
@@ -53,6 +53,11 @@ pub(crate) struct McCnnOptions {
     /// Number of averaging passes after the paths (cbca_num_iterations_2) [default: 0]
     #[arg(long, value_name = "N")]
     cbca_iterations_2: Option<usize>,
+}
+
+/// The number that a default is written as, without the digits that its precision does not have.
+fn decimal(value: f32) -> f64 {
+    value.to_string().parse().expect("a number as it is written")
 }
 
 impl McCnnOptions {

@@ -9,6 +9,7 @@ fn decode(bytes: &[u8]) -> Result<Picture> {
 fn found(bytes: &[u8]) -> String {
     match decode(bytes) {
         Err(Error::Format { found, .. }) => found,
+        Err(error @ Error::PictureSize { .. }) => error.to_string().replace("view.img: found ", ""),
         other => panic!("{other:?}"),
     }
 }

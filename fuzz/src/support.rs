@@ -2,6 +2,8 @@
 
 use std::{collections::BTreeMap, fs::File, os::unix::fs::FileExt, path::PathBuf, sync::Mutex};
 
+use multiscopic::{Simd, stereo::Task};
+use multiscopic_core::kernel::Portable;
 use tempfile::TempDir;
 
 /// Files of this process, by their names. They stay open: to make one again takes longer than most readers do.
@@ -22,6 +24,12 @@ pub fn file(name: &'static str, contents: &[u8]) -> PathBuf {
     let file = open.entry(name).or_insert_with(|| File::create(&path).expect("a temporary file"));
     file.set_len(contents.len() as u64).and_then(|()| file.write_all_at(contents, 0)).expect("a temporary file");
     path
+}
+
+/// Runs a task with every instruction set of this processor, and with vectors of four lanes in plain Rust: the results by name.
+pub fn with_every_kernel<T: Task>(task: impl Fn() -> T) -> impl Iterator<Item = (String, T::Output)> {
+    let four_lanes = ("4 lanes".into(), task().run(Portable::<4>));
+    Simd::available().into_iter().map(move |simd| (simd.to_string(), simd.run(task()))).chain([four_lanes])
 }
 
 /// Panics with the first place where `found` is not what was `expected`.

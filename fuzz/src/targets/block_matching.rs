@@ -1,11 +1,8 @@
 //! Block matching against its reference, with every instruction set of this processor.
 
 use arbitrary::{Arbitrary, Unstructured};
-use multiscopic::{Simd, stereo::Task};
-use multiscopic_core::{
-    Params, Region,
-    kernel::{Kernel, Portable},
-};
+use multiscopic::stereo::Task;
+use multiscopic_core::{Params, Region, kernel::Kernel};
 use multiscopic_tests::{
     reference::raw16,
     split_mix::Random,
@@ -15,7 +12,10 @@ use multiscopic_tests::{
     },
 };
 
-use crate::{small_match::SmallMatch, support::assert_same};
+use crate::{
+    small_match::SmallMatch,
+    support::{assert_same, with_every_kernel},
+};
 
 /// A match of the core in a part of the frame: disparities and peak ratios.
 struct Match<'a> {
@@ -57,8 +57,7 @@ pub fn run(bytes: &[u8]) -> bool {
     let part = Region::new(params.search(), part(case.width), part(case.height)).expect("a part of the frame");
     for region in [&whole, &part] {
         let task = || Match { params: &params, region, images, seed: case.seed };
-        let found = Simd::available().into_iter().map(|simd| (simd.to_string(), simd.run(task())));
-        for (kernel, (found, found_peaks)) in found.chain([("4 lanes".into(), task().run(Portable::<4, 1>))]) {
+        for (kernel, (found, found_peaks)) in with_every_kernel(task) {
             assert_same(&found, &cut(&disparities, case.width, region), &kernel);
             assert_same(&found_peaks, &cut(&peaks, case.width, region), &format!("{kernel}, peak ratios"));
         }

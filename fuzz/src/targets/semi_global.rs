@@ -1,11 +1,8 @@
 //! Semi-global matching against its reference, with every instruction set of this processor.
 
 use arbitrary::{Arbitrary, Unstructured};
-use multiscopic::{Simd, stereo::Task};
-use multiscopic_core::{
-    SemiGlobalParams,
-    kernel::{Kernel, Portable},
-};
+use multiscopic::stereo::Task;
+use multiscopic_core::{SemiGlobalParams, kernel::Kernel};
 use multiscopic_tests::{
     reference::raw16,
     split_mix::Random,
@@ -15,7 +12,10 @@ use multiscopic_tests::{
     },
 };
 
-use crate::{small_match::SmallMatch, support::assert_same};
+use crate::{
+    small_match::SmallMatch,
+    support::{assert_same, with_every_kernel},
+};
 
 /// A match of the core: disparities and peak ratios.
 struct Match<'a> {
@@ -44,8 +44,7 @@ pub fn run(bytes: &[u8]) -> bool {
     let disparities: Vec<u16> = solution.disparities().into_iter().map(raw16).collect();
     let peaks = solution.peaks();
     let task = || Match { params: &params, images, seed: case.seed };
-    let found = Simd::available().into_iter().map(|simd| (simd.to_string(), simd.run(task())));
-    for (kernel, (found, found_peaks)) in found.chain([("4 lanes".into(), task().run(Portable::<4>))]) {
+    for (kernel, (found, found_peaks)) in with_every_kernel(task) {
         assert_same(&found, &disparities, &kernel);
         assert_same(&found_peaks, &peaks, &format!("{kernel}, peak ratios"));
     }

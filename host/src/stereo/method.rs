@@ -357,7 +357,7 @@ impl Method {
             }
             Pipeline::GraphCuts { cost, cuts } => {
                 search.check_views()?;
-                self.check_without_costs("graph cuts")?;
+                self.refuse_checks_by_costs("graph cuts do")?;
                 cuts.disparities(*cost, engine, frames, search, progress)?
             }
             Pipeline::McCnn { network, aggregation, penalties } => {
@@ -368,7 +368,7 @@ impl Method {
                 })
             }
             Pipeline::Network(network) => {
-                self.check_without_costs("the network")?;
+                self.refuse_checks_by_costs("the network does")?;
                 let planes = &frames.planes();
                 let (map, confidences) = match self.bands(search, frames, engine) {
                     Some(bands) => bands.disparities(network, planes, search, engine, progress)?,
@@ -393,15 +393,13 @@ impl Method {
         Ok(engine.install(|| self.refinement.filter(map, frames, search.views())))
     }
 
-    /// Refuses the checks that need matching costs, which `optimizer` does not give.
-    fn check_without_costs(&self, optimizer: &str) -> Result<()> {
-        match self.refinement.needs_costs() {
-            true => {
-                let refused = "the left-right check and the uniqueness ratio need matching costs";
-                Err(Error::Usage(format!("{refused}, which {optimizer} does not give").replace("cuts does", "cuts do")))
-            }
-            false => Ok(()),
+    /// Refuses the checks that need matching costs, which `pipeline_does` not give: a pipeline with its verb.
+    fn refuse_checks_by_costs(&self, pipeline_does: &str) -> Result<()> {
+        if self.refinement.needs_costs() {
+            let refused = "the left-right check and the uniqueness ratio need matching costs";
+            return Err(Error::Usage(format!("{refused}, which {pipeline_does} not give")));
         }
+        Ok(())
     }
 
     /// Selects the least sums of absolute differences: by the core, unless there are more views than it takes or costs are needed.

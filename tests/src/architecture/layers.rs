@@ -8,8 +8,6 @@ use super::{
 
 /// The header of the table of modules in the crate's documentation.
 const HEAD: [&str; 2] = ["module", "what it is"];
-/// An older header of it.
-const OLDER_HEAD: [&str; 2] = ["room", "what it is"];
 
 /// Compares the imports with the crate's table of modules, which libraries must have.
 pub(super) fn check(tree: &CrateTree, edges: &[Edge], must_list_modules: bool) -> Vec<Violation> {
@@ -57,7 +55,7 @@ fn listed_modules(documentation: &[String]) -> Option<Vec<String>> {
         Some(line.split('|').map(|cell| cell.trim().to_owned()).collect())
     };
     let lines: Vec<&str> = documentation.iter().flat_map(|text| text.lines()).collect();
-    let head = lines.iter().position(|line| cells(line).is_some_and(|cells| cells == HEAD || cells == OLDER_HEAD))?;
+    let head = lines.iter().position(|line| cells(line).is_some_and(|cells| cells == HEAD))?;
     // The second line separates the header from the rows.
     let rows = lines[head..].iter().skip(2).map_while(|line| cells(line)?.into_iter().next());
     Some(rows.flat_map(|cell| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>()).collect())

@@ -46,7 +46,10 @@ impl Options {
                     confidence = if name == "confidence" { Some(flag) } else { confidence };
                     words.extend((flag == given).then_some(option));
                 }
-                _ => words.push(option + "=" + &text(&keyword.kind, &value).map_err(refused)?),
+                _ => {
+                    let text = text(&keyword.kind, &value).map_err(refused)?;
+                    words.extend((!keyword.is_default(&text)).then(|| option + "=" + &text));
+                }
             }
         }
         Ok(Options { keywords: Keywords::parse(&words).map_err(exception)?, prior, confidence })

@@ -142,6 +142,11 @@ impl Keyword {
         })
     }
 
+    /// Returns true if `value`, as the command line writes it, is the default: giving it is no different from giving nothing.
+    pub fn is_default(&self, value: &str) -> bool {
+        self.default.trim_matches('\'') == value
+    }
+
     /// Its type in the stub.
     pub fn annotation(&self) -> String {
         let literals = |values: &[String], quote: &str| {
@@ -336,6 +341,8 @@ mod tests {
             let keyword = keyword(name);
             assert_eq!((keyword.annotation(), &*keyword.default), (format!("{annotation} | None"), default), "{name}");
         }
+        assert!(keyword("method").is_default("bm") && keyword("cbca_intensity").is_default("0.02"));
+        assert!(!keyword("method").is_default("gc") && !keyword("min_disparity").is_default("0"));
     }
 
     #[test]

@@ -54,6 +54,11 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
 }
 
 impl<'w> Pipeline<'w> {
+    /// The pipeline that works in memory of the [lengths](crate::Lengths) that a [`Matching`] has, known at run time.
+    pub fn new(words: &'w mut [u32], line: &'w mut [Option<Disparity>], packet: &'w mut [u8]) -> Pipeline<'w> {
+        Pipeline { words, line, packet }
+    }
+
     /// Matches the frames of `sources` and sends the disparities. There is a source for each of the
     /// [searches](Matching::searches): several read the centre, at different lines.
     ///

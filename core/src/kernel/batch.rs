@@ -9,7 +9,7 @@
 //!             column[j][k] += |center - view|(entering line) - |center - view|(leaving line)
 //!             sums[j][k]   += column[j][k] - leaving_column[j][k]
 //!             costs[k]      = max(sums[j][k], masks[j][k])
-//!         fused[i][j] = rule(costs), in the order of the disparities, max padding
+//!         fused[i][j] = rule(costs), in the order of the disparities, max padding in the last vector
 //!         if the rule is not Min: kept[i] = sums           // for exact costs, should lanes saturate
 //! store sums as the block of the last pixel
 //! ```
@@ -18,8 +18,9 @@
 //! many accesses as the columns do. Here they live in `V x J` registers for a whole batch, and the addresses of a stretch
 //! are computed once. That pays for `J` of 1 or 2 vectors: more do not fit the registers.
 //!
-//! The decisions that hold for a whole batch are constants of the inner function (`J`, `MASKED`, `PADDED`, and the rule,
-//! which is a constant after inlining), so that the loop over the columns has no branch but its own.
+//! The decisions that hold for a whole batch are constants of the inner function (`J`, `MASKED`, and the rule, which is a
+//! constant after inlining), so that the loop over the columns has no branch but its own. Padding has no loop of its own: the
+//! maximum with zeros takes no longer than a measurement shows.
 //!
 //! Invariants that the unsafe code relies on:
 //! - A stretch has samples and sums for each of its columns: `Steps::new` has checked the whole line.
@@ -138,32 +139,25 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
 
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn fuse_vectors<const J: usize>(self, isa: I, steps: &mut Steps<'_, I, V>) {
-        match (self.masks.is_some(), self.padding.is_some()) {
-            // Masks hide the padding as well.
-            (true, _) => self.fuse_hidden::<J, true, false>(isa, steps),
-            (false, true) => self.fuse_hidden::<J, false, true>(isa, steps),
-            (false, false) => self.fuse_hidden::<J, false, false>(isa, steps),
+        match self.masks {
+            Some(_) => self.fuse_hidden::<J, true>(isa, steps),
+            None => self.fuse_hidden::<J, false>(isa, steps),
         }
     }
 
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn fuse_hidden<const J: usize, const MASKED: bool, const PADDED: bool>(self, isa: I, steps: &mut Steps<'_, I, V>) {
+    fn fuse_hidden<const J: usize, const MASKED: bool>(self, isa: I, steps: &mut Steps<'_, I, V>) {
         match self.rule {
             // Masks cannot hide views from a sum.
-            Rule::Sum if V > 1 && !MASKED => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Sum, steps),
-            Rule::Half if Rule::HAS_HALF && V > 2 => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Half, steps),
-            Rule::Heuristic if V > 2 => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Heuristic, steps),
-            _ => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Min, steps),
+            Rule::Sum if V > 1 && !MASKED => self.fuse_by_rule::<J, MASKED>(isa, Rule::Sum, steps),
+            Rule::Half if Rule::HAS_HALF && V > 2 => self.fuse_by_rule::<J, MASKED>(isa, Rule::Half, steps),
+            Rule::Heuristic if V > 2 => self.fuse_by_rule::<J, MASKED>(isa, Rule::Heuristic, steps),
+            _ => self.fuse_by_rule::<J, MASKED>(isa, Rule::Min, steps),
         }
     }
 
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn fuse_by_rule<const J: usize, const MASKED: bool, const PADDED: bool>(
-        mut self,
-        isa: I,
-        rule: Rule,
-        steps: &mut Steps<'_, I, V>,
-    ) {
+    fn fuse_by_rule<const J: usize, const MASKED: bool>(mut self, isa: I, rule: Rule, steps: &mut Steps<'_, I, V>) {
         const { assert_costs::<L, I>() };
         let Some(blocks) = self.blocks.first_chunk_mut::<J>().filter(|_| steps.vectors() == J) else { return };
         let mut sums = [[isa.splat(L::default()); V]; J];
@@ -212,7 +206,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
                     });
                     let costs = if MASKED { rule.fuse_masked(costs, isa.splat(L::MAX)) } else { rule.fuse(costs) };
                     let costs = costs.ordered();
-                    let costs = if PADDED && j + 1 == J { costs.max(padding) } else { costs };
+                    // Masks hide the padding as well.
+                    let costs = if !MASKED && j + 1 == J { costs.max(padding) } else { costs };
                     costs.store(fused);
                 }
                 if rule != Rule::Min

@@ -40,6 +40,7 @@
 //! | [`winner`] | winner-takes-all over costs |
 //! | [`sgm`] | semi-global matching |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
+//! | `simulation` | [`simulate`]: the firmware's pipeline, in the memory that it has there |
 //!
 //! The core defines every result, generic over instruction sets. This crate compiles it once, behind functions that are not
 //! generic, so that its users compile no kernel.
@@ -54,6 +55,7 @@ mod progress;
 mod raster;
 pub mod sgm;
 mod simd;
+mod simulation;
 pub mod winner;
 
 pub use disparity_map::DisparityMap;
@@ -63,3 +65,4 @@ pub use planes::Planes;
 pub use progress::Progress;
 pub use raster::{FloatImage, Raster};
 pub use simd::{Simd, Task};
+pub use simulation::{Simulation, SimulationError, simulate};

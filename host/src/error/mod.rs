@@ -9,7 +9,7 @@ use std::{
 };
 
 use multiscopic_core::{Frame, ParamsError};
-use multiscopic_engine::EngineError;
+use multiscopic_engine::{EngineError, SimulationError};
 
 pub use refusal::{AlignmentError, MountingError, PlaneError};
 pub use warning::Warning;
@@ -127,6 +127,12 @@ pub enum Error {
     /// The request makes no sense, or cannot be met: the message says what to change.
     #[error("{0}")]
     Usage(String),
+}
+
+impl From<SimulationError> for Error {
+    fn from(error: SimulationError) -> Error {
+        Error::Usage(error.to_string())
+    }
 }
 
 impl From<EngineError> for Error {

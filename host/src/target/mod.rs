@@ -7,7 +7,7 @@
 //! | [`Processor`] | the supported cores, their clocks and vectors |
 //! | [`MEASURED`] | what was measured with the firmware in the emulator |
 //! | [`ram`] | the RAM that a match takes, buffer by buffer |
-//! | [`simulation`] | the firmware's pipeline on the host |
+//! | [`simulate`] | the firmware's pipeline on the host |
 //! | [`reception`] | disparity frames from the firmware's packets |
 
 pub mod instruction_model;
@@ -15,7 +15,8 @@ mod measured;
 mod processor;
 pub mod ram;
 pub mod reception;
-pub mod simulation;
+
+pub use multiscopic_engine::{Simulation, SimulationError, simulate};
 
 pub use measured::{FirmwareCostTable, FirmwareCosts, MEASURED};
 pub use processor::Processor;

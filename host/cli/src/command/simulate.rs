@@ -12,10 +12,7 @@ use multiscopic::{
     Error, Frames, Picture, Processor, Result,
     files::output,
     scene::{PinholeCamera, Scene, render_views},
-    target::{
-        Ram, reception,
-        simulation::{self, Simulation},
-    },
+    target::{Ram, Simulation, reception, simulate},
 };
 use multiscopic_core::{Fusion, Search, Views};
 use multiscopic_edge::{Matching, Profile, profile};
@@ -79,7 +76,7 @@ impl Simulate {
 
         let lines = matching.tiles().count() * matching.searches().count() * matching.search().height();
         let bar = terminal::progress(lines as u64, "lines");
-        let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1))?;
+        let simulation = simulate(&profile, fusion, &frames.planes(), &|| bar.inc(1))?;
         bar.finish_and_clear();
         output::write_together(|| {
             if let Some(path) = &self.packets {

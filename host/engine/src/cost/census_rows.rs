@@ -190,6 +190,8 @@ impl Task for FuseRows<'_, '_, '_> {
             (_, [_, _, _, _, _, ..]) => costs.fuse_rows::<I, 4, 8>(isa, &lines, stride, rows),
             (2, _) => costs.fuse_rows::<I, 2, 4>(isa, &lines, stride, rows),
             (3, _) => costs.fuse_rows::<I, 3, 4>(isa, &lines, stride, rows),
+            // The fallback has a loop for up to four views and one for more.
+            _ if const { I::BATCH == 1 } => costs.fuse_rows::<I, 4, 4>(isa, &lines, stride, rows),
             (_, [_]) => costs.fuse_rows::<I, 4, 1>(isa, &lines, stride, rows),
             (_, [_, _]) => costs.fuse_rows::<I, 4, 2>(isa, &lines, stride, rows),
             (_, [_, _, _]) => costs.fuse_rows::<I, 4, 3>(isa, &lines, stride, rows),

@@ -113,8 +113,9 @@ impl Task for Worker<'_, '_> {
             rows.rows(stride, &mut costs);
             let ends = [self.has_first && i == 0, self.has_last && i == last];
             let lines = strip.len() as u64;
-            // The usual numbers of vectors as constants.
+            // The usual numbers of vectors as constants, except for the fallback, for which a single loop is compiled.
             let connected = match stride / I::LANES {
+                _ if const { I::BATCH == 1 } => self.sweep::<I, MOST_VECTORS>(isa, strip, ends, &mut lanes, &mut blocks),
                 1 => self.sweep::<I, 1>(isa, strip, ends, &mut lanes, &mut blocks),
                 2 => self.sweep::<I, 2>(isa, strip, ends, &mut lanes, &mut blocks),
                 3 => self.sweep::<I, 3>(isa, strip, ends, &mut lanes, &mut blocks),

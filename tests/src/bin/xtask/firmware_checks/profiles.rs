@@ -4,7 +4,7 @@
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use multiscopic::target::{
-    FirmwareCostTable, FirmwareCosts, MEASURED, instruction_model::Workload, reception::ReceivedFrame, simulation::simulate,
+    FirmwareCostTable, FirmwareCosts, MEASURED, instruction_model::Workload, reception::ReceivedFrame, simulate,
 };
 use multiscopic_core::Fusion;
 use multiscopic_edge::{Profile, Wide, frame_file, profile};
@@ -296,7 +296,7 @@ impl Run {
         let images = ImageSet::tsukuba(&matching).unwrap_or_else(|| ImageSet::demo(&matching));
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;
-        let simulation = simulate(&self.profile, self.fusion, &images.frames(), &|| ())?;
+        let simulation = simulate(&self.profile, self.fusion, &images.frames().planes(), &|| ())?;
         received::same_lines(&bytes, &simulation.packets)?;
         received::same(&received.disparities, &images.disparities(&matching)?)?;
         received::same_confidences(received.confidences.as_ref(), images.confidences(&matching)?.as_ref())?;

@@ -7,7 +7,7 @@ use multiscopic::{
     target::{
         MEASURED,
         reception::{self, ReceivedFrame},
-        simulation::simulate,
+        simulate,
     },
 };
 use multiscopic_core::Fusion;
@@ -131,14 +131,14 @@ fn host_packets(set: &DistortedSet, way: Way) -> Result<Vec<u8>> {
         Way::Rectified => &set.rectified()?,
         Way::Plain => &set.frames,
     };
-    Ok(simulate(&QQVGA, FUSION, frames, &|| ())?.packets)
+    Ok(simulate(&QQVGA, FUSION, &frames.planes(), &|| ())?.packets)
 }
 
 /// Fails unless disparities are near the truth if frames are rectified, and only then.
 fn check_quality(set: &DistortedSet, [rectified, plain]: &[Vec<u8>; 2]) -> Result<()> {
     let share = |packets: &[u8]| -> Result<f64> { Ok(set.share_of_truth(pixels(&frame(packets)?.disparities))) };
     let [ideal, rectified, plain] =
-        [share(&simulate(&QQVGA, FUSION, &set.ideal, &|| ())?.packets)?, share(rectified)?, share(plain)?];
+        [share(&simulate(&QQVGA, FUSION, &set.ideal.planes(), &|| ())?.packets)?, share(rectified)?, share(plain)?];
     println!(
         "edge: {NAME}: within 1 px of the truth: {:.1} % of the pixels; {:.1} % without rectification, {:.1} % of an ideal camera",
         100.0 * rectified,

@@ -82,19 +82,16 @@ fn check(case: &Case) {
         let start = random.below(length);
         start..start + 1 + random.below(length - start)
     };
-    // Each number of lanes and each size of batches once: all of their pairs take minutes to compile.
-    match random.below(8) {
+    // Few and odd numbers of lanes: each takes a minute to compile. The engine has 16 lanes, and its batches 32 pixels.
+    match random.below(5) {
         0 => parts(&mut Region::tiles(params.search(), at_most_four(case.width, random)), random),
         1 => parts(&mut Region::bands(params.search(), at_most_four(case.height, random)), random),
         2 => {
             let any = Region::new(params.search(), part(case.width, random), part(case.height, random));
             parts(&mut any.into_iter(), random);
         }
-        3 => assert_found(matched.with(Portable::<1, 1>, &whole, random), &whole, "1 lane"),
-        4 => assert_found(matched.with(Portable::<3, 1>, &whole, random), &whole, "3 lanes"),
-        5 => assert_found(matched.with(Portable::<8, 1>, &whole, random), &whole, "8 lanes"),
-        6 => assert_found(matched.with(Portable::<16, 5>, &whole, random), &whole, "16 lanes, batches of 5"),
-        _ => assert_found(matched.with(Portable::<32, 32>, &whole, random), &whole, "32 lanes, batches of 32"),
+        3 => assert_found(matched.with(Portable::<3, 1>, &whole, random), &whole, "3 lanes"),
+        _ => assert_found(matched.with(Portable::<16, 5>, &whole, random), &whole, "16 lanes, batches of 5"),
     }
 }
 

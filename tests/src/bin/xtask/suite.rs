@@ -125,10 +125,11 @@ const TESTS: [Step; 25] = [
 ];
 
 /// The tests of the firmware, and of the libraries as firmware depends on them.
-const FIRMWARE: [Step; 11] = [
-    Step { name: "the libraries for Arm", scope: Test, run: || static_checks::libraries_for_arm(&arm()?) },
+const FIRMWARE: [Step; 12] = [
+    Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
     Step { name: "the firmware for the Pico 2", scope: Test, run: || pico2::build(&arm()?) },
-    Step { name: "the kernels in the emulator", scope: Test, run: || kernel_twins::run(&arm()?) },
+    Step { name: "both kernels in the emulator", scope: Sample, run: || kernel_twins::run_sample(&arm()?) },
+    Step { name: "the kernels on each processor", scope: All, run: || kernel_twins::run(&arm()?) },
     Step { name: "firmware, a sample", scope: Sample, run: || profiles::run(&arm()?, &Selection::sample()) },
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
     Step { name: "the firmware's cycles", scope: Test, run: || Accounting::compare().run(&arm()?) },

@@ -33,7 +33,7 @@
 use core::{iter, mem, ops::Range};
 
 use crate::{
-    Search, View, Views,
+    SearchSpace, View, Views,
     params::{PriorLine, available_from},
 };
 
@@ -156,7 +156,7 @@ impl Reach {
 
 impl Availability {
     /// That of no pixel yet: no view is available.
-    pub fn new(search: &Search) -> Availability {
+    pub fn new(search: &SearchSpace) -> Availability {
         let mut views = search.views().iter();
         let views = [const { 0..0 }; Views::MAX_MATCHED].map(|range| {
             let view = views.next().unwrap_or(View::LEFT);
@@ -380,7 +380,7 @@ const fn all_views(len: u8) -> u8 {
 }
 
 /// The columns that keep no match in a view from being inside the frame.
-fn complete_columns(search: &Search, view: View) -> Range<u16> {
+fn complete_columns(search: &SearchSpace, view: View) -> Range<u16> {
     let width = search.width() as i32;
     let ((nearest, _), (furthest, _)) = (view.shift(search.min_disparity()), view.shift(search.max_disparity()));
     let (start, end) = ((-nearest.min(furthest)).max(0), (width - nearest.max(furthest)).min(width));

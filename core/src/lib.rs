@@ -45,8 +45,8 @@
 //! One camera is moved in its image plane and takes a centre image and neighbours, whole baselines away to the left,
 //! right, top and bottom. A point has the same disparity for each baseline to all of them, so the matching costs of
 //! the pairs are fused into one. The method is that of *Active Perception with A Monocular Camera
-//! for Multiscopic Vision* (Yuan, Fan, Wang, Chen). The documentation of [`View`], [`Fusion`], [`Search`],
-//! [`Params`] and [`Disparity`] defines the result, bit for bit.
+//! for Multiscopic Vision* (Yuan, Fan, Wang, Chen). The documentation of [`View`], [`Fusion`], [`SearchSpace`],
+//! [`BlockMatchingParams`] and [`Disparity`] defines the result, bit for bit.
 //!
 //! # Modules
 //! Data flows down this list, and each module knows only those above it:
@@ -58,7 +58,7 @@
 //! | `fusion` | [`Fusion`]: the fusion of the matching costs of several views into one |
 //! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement |
 //! | `depth` | [`Triangulation`], [`Depth`]: the distances of disparities |
-//! | `params` | [`SearchConfig`], [`Search`], [`Params`], [`SemiGlobalParams`]: the search, and the method |
+//! | `params` | [`SearchConfig`], [`SearchSpace`], [`BlockMatchingParams`], [`SemiGlobalParams`]: the search, and the method |
 //! | `error` | [`MatchError`], [`MemoryTooSmall`]: the errors of matching |
 //! | `region` | [`Region`]: the part of the frame that a pass computes |
 //! | `scanline` | [`ScanlineSource`], [`Rewind`]: sources of lines, such as memory, flash, a file or a sensor; [`Gradients`] of one |
@@ -67,7 +67,7 @@
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
 //! | `rectification` | [`Rectification`], [`Rectified`]: a source's lines without the camera's distortion and tilt |
 //! | `lines` | the lines of all frames that a line is compared with |
-//! | `filters` | [`TextureLines`], [`MedianLines`], [`keep_sure`]: filters of disparity lines |
+//! | `filters` | [`TextureLines`], [`MedianLines`], [`filter_by_confidence`]: filters of disparity lines |
 //! | `confidence` | [`ConfidenceTable`], [`ConfidenceLines`]: the probability that a disparity is right |
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
 //! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
@@ -113,11 +113,13 @@ pub use confidence::{ConfidenceLines, ConfidenceTable, PeakRatio};
 pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
 pub use error::{MatchError, MemoryTooSmall};
-pub use filters::{CenterLines, MedianLines, SeenIn, TextureLines, keep_sure, slopes};
+pub use filters::{CenterLines, MedianLines, ObservedSource, TextureLines, filter_by_confidence, slopes};
 pub use fusion::{Fusion, MatchingCost};
 pub use matcher::Matcher;
 pub use memory::Memory;
-pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams};
+pub use params::{
+    BlockMatchingParams, Census, ParamsError, PathPenalties, Prior, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams,
+};
 pub use rectification::{Displacement, DisplacementGrid, Rectification, RectificationError, Rectified, RectifiedError};
 pub use region::{Region, RegionError};
 pub use scanline::{Gradients, Rewind, ScanlineSource};

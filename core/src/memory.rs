@@ -3,7 +3,7 @@
 use core::mem;
 
 use crate::{
-    Frame, MemoryTooSmall, Params, SemiGlobalCost, SemiGlobalParams, View,
+    BlockMatchingParams, Frame, MemoryTooSmall, SemiGlobalCost, SemiGlobalParams, View,
     kernel::{Isa, Rule, Slot},
 };
 
@@ -118,7 +118,7 @@ impl Memory {
     };
 
     /// The memory for regions of up to `columns` columns with an instruction set.
-    pub const fn new<I: Isa>(params: &Params, columns: usize) -> Memory {
+    pub const fn new<I: Isa>(params: &BlockMatchingParams, columns: usize) -> Memory {
         let shape = Shape::new::<I>(params, columns);
         let views = params.views().places();
         let (mut horizontal, mut vertical) = (0, 0);
@@ -247,7 +247,7 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    pub const fn new<I: Isa>(params: &Params, columns: usize) -> Shape {
+    pub const fn new<I: Isa>(params: &BlockMatchingParams, columns: usize) -> Shape {
         let depth = params.num_disparities().next_multiple_of(I::LANES);
         let ring_lines = params.block_size() + 1;
         Shape {

@@ -2,7 +2,7 @@
 
 use core::{error, fmt, ops::Range};
 
-use crate::Search;
+use crate::SearchSpace;
 
 /// A rectangle of the centre frame whose disparities one pass of the matcher computes, not empty.
 ///
@@ -27,7 +27,7 @@ pub struct Region {
 
 impl Region {
     /// The whole frame.
-    pub const fn whole(search: &Search) -> Region {
+    pub const fn whole(search: &SearchSpace) -> Region {
         Region { left: 0, right: search.width() as u16, top: 0, bottom: search.height() as u16 }
     }
 
@@ -35,7 +35,7 @@ impl Region {
     ///
     /// # Errors
     /// The rectangle is empty or leaves the frame.
-    pub const fn new(search: &Search, columns: Range<usize>, rows: Range<usize>) -> Result<Region, RegionError> {
+    pub const fn new(search: &SearchSpace, columns: Range<usize>, rows: Range<usize>) -> Result<Region, RegionError> {
         let inside =
             columns.start < columns.end && columns.end <= search.width() && rows.start < rows.end && rows.end <= search.height();
         if !inside {
@@ -45,13 +45,13 @@ impl Region {
     }
 
     /// Column tiles of `width` pixels that cover the frame, from left to right. The last one may be narrower.
-    pub fn tiles(search: &Search, width: usize) -> impl Iterator<Item = Region> + use<> {
+    pub fn tiles(search: &SearchSpace, width: usize) -> impl Iterator<Item = Region> + use<> {
         let whole = Region::whole(search);
         pieces(search.width(), width).map(move |(left, right)| Region { left, right, ..whole })
     }
 
     /// Bands of `height` lines that cover the frame, from top to bottom. The last one may be lower.
-    pub fn bands(search: &Search, height: usize) -> impl Iterator<Item = Region> + use<> {
+    pub fn bands(search: &SearchSpace, height: usize) -> impl Iterator<Item = Region> + use<> {
         let whole = Region::whole(search);
         pieces(search.height(), height).map(move |(top, bottom)| Region { top, bottom, ..whole })
     }
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
     use crate::{Fusion, SearchConfig, Views};
 
-    fn search() -> Search {
+    fn search() -> SearchSpace {
         SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 2, ..SearchConfig::of_size(5, 4) }
             .checked()
             .expect("valid")

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use embedded_io::Write;
-use multiscopic_core::{Rewind, Search};
+use multiscopic_core::{Rewind, SearchSpace};
 
 /// A board: stored frames, an output for packets, and a clock.
 ///
@@ -11,7 +11,7 @@ use multiscopic_core::{Rewind, Search};
 /// ```
 /// use core::{convert::Infallible, time::Duration};
 /// use embedded_io::Write;
-/// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Search, SearchConfig, View, Views};
+/// use multiscopic_core::{Frame, Fusion, BlockMatchingParams, Rewind, ScanlineSource, SearchSpace, SearchConfig, View, Views};
 /// use multiscopic_edge::{Board, Lengths, Matching, Phase, Workspace};
 ///
 /// /// The kernel of the processor: `Dsp` for a Cortex-M4, M7 or M33, `Mve` for a Cortex-M55.
@@ -23,7 +23,7 @@ use multiscopic_core::{Rewind, Search};
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(96, 64) };
-/// const PARAMS: Params = match SEARCH.block_matching(7) {
+/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -69,7 +69,7 @@ use multiscopic_core::{Rewind, Search};
 ///     type Output = Serial;
 ///     type Error = &'static str;
 ///
-///     fn frames(&mut self, _: &Search) -> Result<Flash, &'static str> {
+///     fn frames(&mut self, _: &SearchSpace) -> Result<Flash, &'static str> {
 ///         // In firmware: include_bytes!, a camera's buffers, external memory.
 ///         Ok(Flash { frames: [&[7; 96 * 64]; 3] })
 ///     }
@@ -114,7 +114,7 @@ pub trait Board {
     ///
     /// # Errors
     /// A frame is missing, or its size differs from that of `search`.
-    fn frames(&mut self, search: &Search) -> Result<Self::Frames, Self::Error>;
+    fn frames(&mut self, search: &SearchSpace) -> Result<Self::Frames, Self::Error>;
 
     /// Opens the output.
     ///

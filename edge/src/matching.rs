@@ -1,8 +1,8 @@
 //! The computation of a pipeline.
 
 use multiscopic_core::{
-    ConfidenceLines, Memory, Params, Region, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa,
-    network::NetworkParams,
+    BlockMatchingParams, ConfidenceLines, Memory, Region, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, Views,
+    kernel::Isa, network::NetworkParams,
 };
 
 use crate::{Lengths, packet};
@@ -13,23 +13,23 @@ pub enum Matching {
     /// Block matching in column tiles.
     Blocks {
         /// Its parameters.
-        params: Params,
+        params: BlockMatchingParams,
         /// Columns of a tile: all columns of the frame if it is matched in one pass.
         tile_width: usize,
     },
     /// Semi-global matching, in one pass.
     SemiGlobal(SemiGlobalParams),
-    /// Block matching from short baselines to long ones, in one pass: [`Params::around`].
+    /// Block matching from short baselines to long ones, in one pass: [`BlockMatchingParams::around`].
     ///
     /// Both matches run side by side: each disparity line of the short one is the prior line of the long one, which
     /// matches [gradients](multiscopic_core::Gradients). Unlike the host's `match`, no median filter comes between them,
     /// because it would take many more lines.
     AroundPrior {
         /// The match at short baselines, over the whole range.
-        short: Params,
+        short: BlockMatchingParams,
         /// The search at long baselines around its disparities, in pixels of the long baseline. Its views stand where they
-        /// were taken, before [`Params::around`] divides their offsets.
-        long: Params,
+        /// were taken, before [`BlockMatchingParams::around`] divides their offsets.
+        long: BlockMatchingParams,
     },
     /// Disparities and their confidences, in one pass.
     WithConfidences(WholeLines),
@@ -41,7 +41,7 @@ pub enum Matching {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WholeLines {
     /// Block matching.
-    Blocks(Params),
+    Blocks(BlockMatchingParams),
     /// Semi-global matching. The confidences are fitted to sums of absolute differences as its cost.
     SemiGlobal(SemiGlobalParams),
 }
@@ -56,7 +56,7 @@ impl WholeLines {
     }
 
     /// The search.
-    pub const fn search(&self) -> &Search {
+    pub const fn search(&self) -> &SearchSpace {
         match self {
             WholeLines::Blocks(params) => params.search(),
             WholeLines::SemiGlobal(params) => params.search(),
@@ -67,16 +67,16 @@ impl WholeLines {
 impl Matching {
     /// From the baselines of a match to `multiple` times as long ones in the same directions: `num_disparities` are searched
     /// there around what it finds, with the same blocks and fusion. `None` if that is out of range: see [`SearchConfig`].
-    pub fn around_prior(short: Params, multiple: u8, num_disparities: u16) -> Option<Matching> {
+    pub fn around_prior(short: BlockMatchingParams, multiple: u8, num_disparities: u16) -> Option<Matching> {
         let views: Option<Views> = short.views().iter().map(|view| view.times(multiple)).collect();
         let min_disparity = -i16::try_from(num_disparities / 2).ok()?;
         let search = SearchConfig { views: views?, min_disparity, num_disparities, ..short.search().config() }.checked().ok()?;
         let block_size = u8::try_from(short.block_size()).ok()?;
-        Some(Matching::AroundPrior { short, long: Params::block_matching(search, block_size).ok()? })
+        Some(Matching::AroundPrior { short, long: BlockMatchingParams::block_matching(search, block_size).ok()? })
     }
 
     /// The search; from short baselines to long ones, the search at the short ones.
-    pub const fn search(&self) -> &Search {
+    pub const fn search(&self) -> &SearchSpace {
         match self {
             Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => params.search(),
             Matching::SemiGlobal(params) => params.search(),
@@ -86,7 +86,7 @@ impl Matching {
     }
 
     /// The search at long baselines around the disparities of [`search`](Matching::search).
-    pub const fn long_search(&self) -> Option<&Search> {
+    pub const fn long_search(&self) -> Option<&SearchSpace> {
         match self {
             Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) | Matching::Network(_) => None,
             Matching::AroundPrior { long, .. } => Some(long.search()),
@@ -99,7 +99,7 @@ impl Matching {
     }
 
     /// All searches. Each reads the centre and its own views.
-    pub fn searches(&self) -> impl Iterator<Item = &Search> {
+    pub fn searches(&self) -> impl Iterator<Item = &SearchSpace> {
         [self.search()].into_iter().chain(self.long_search())
     }
 
@@ -110,16 +110,16 @@ impl Matching {
 
     /// The number of disparity evaluations (pixel x disparity x view).
     pub fn evaluations(&self) -> u64 {
-        self.searches().map(Search::evaluations).sum()
+        self.searches().map(SearchSpace::evaluations).sum()
     }
 
     /// The block matching whose sums are the costs, at short baselines if there are long ones too; `None` for the census, which
     /// the network takes as well.
-    pub fn block_matching(&self) -> Option<Params> {
+    pub fn block_matching(&self) -> Option<BlockMatchingParams> {
         match self {
             Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => Some(*params),
             Matching::SemiGlobal(params) => match params.cost() {
-                SemiGlobalCost::Sad { block_size } => Params::block_matching(*params.search(), block_size).ok(),
+                SemiGlobalCost::Sad { block_size } => BlockMatchingParams::block_matching(*params.search(), block_size).ok(),
                 SemiGlobalCost::Census(_) => None,
             },
             Matching::WithConfidences(lines) => lines.alone().block_matching(),

@@ -4,7 +4,7 @@ mod error;
 mod pass;
 
 use multiscopic_core::{
-    ConfidenceTable, Disparity, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind,
+    BlockMatchingParams, ConfidenceTable, Disparity, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Region, Rewind,
     SemiGlobalMatcher, SemiGlobalParams,
     kernel::Kernel,
     network::{NetworkMatcher, NetworkParams, TRAINED_WEIGHTS},
@@ -126,7 +126,7 @@ impl<'w> Pipeline<'w> {
     pub fn match_blocks<B: Board, I: Kernel>(
         self,
         kernel: I,
-        params: &Params,
+        params: &BlockMatchingParams,
         tile_width: usize,
         source: &mut B::Frames,
         output: &mut B::Output,
@@ -172,7 +172,7 @@ impl<'w> Pipeline<'w> {
     pub fn match_around_prior<B: Board, I: Kernel>(
         self,
         kernel: I,
-        (short, long): (&Params, &Params),
+        (short, long): (&BlockMatchingParams, &BlockMatchingParams),
         [short_frames, long_frames]: [&mut B::Frames; 2],
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
@@ -197,7 +197,7 @@ impl<'w> Pipeline<'w> {
     pub fn match_blocks_with_confidences<B: Board, I: Kernel>(
         self,
         kernel: I,
-        params: &Params,
+        params: &BlockMatchingParams,
         source: &mut B::Frames,
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
@@ -281,11 +281,11 @@ mod tests {
     };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::{ErrorType, SliceWriteError, Write};
-    use multiscopic_core::{Frame, Fusion, ScanlineSource, Search, SearchConfig, SemiGlobalCost, View, Views};
+    use multiscopic_core::{Frame, Fusion, ScanlineSource, SearchConfig, SearchSpace, SemiGlobalCost, View, Views};
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(24, 20) };
-    const PARAMS: Params = match SEARCH.block_matching(3) {
+    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
@@ -356,7 +356,7 @@ mod tests {
         type Output = Output;
         type Error = Infallible;
 
-        fn frames(&mut self, _: &Search) -> Result<Ramp, Infallible> {
+        fn frames(&mut self, _: &SearchSpace) -> Result<Ramp, Infallible> {
             Ok(Ramp::default())
         }
 
@@ -490,7 +490,7 @@ mod tests {
     }
 
     /// A search at twice the baseline of [`PARAMS`].
-    fn long() -> Params {
+    fn long() -> BlockMatchingParams {
         let views = [-2, 2].into_iter().filter_map(|right| View::new(right, 0).ok()).collect();
         SearchConfig { width: 24, height: 20, views, fusion: Fusion::Min, min_disparity: -2, num_disparities: 4 }
             .block_matching(5)
@@ -505,7 +505,7 @@ mod tests {
                 .unwrap(),
             long(),
         );
-        let disparities = |params: &Params, source: &mut dyn ScanlineSource<Error = Infallible>| {
+        let disparities = |params: &BlockMatchingParams, source: &mut dyn ScanlineSource<Error = Infallible>| {
             let (mut memory, mut line, mut lines) = (vec![0; params.memory_words()], [None; 24], Vec::new());
             let mut matcher = Matcher::new(params, &mut memory).unwrap();
             while matcher.next_line(&mut &mut *source, &mut line).unwrap().is_some() {

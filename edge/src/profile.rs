@@ -1,7 +1,8 @@
 //! Ready-made match sizes and their RAM budgets.
 
 use multiscopic_core::{
-    Fusion, Params, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams, View, Views, kernel::Isa, network::NetworkParams,
+    BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, View, Views, kernel::Isa,
+    network::NetworkParams,
 };
 
 use crate::{
@@ -92,7 +93,7 @@ const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
 };
 
 /// The match of firmware that takes its own frames: a small frame and all four neighbours.
-pub const CAPTURE: Params = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuristic);
+pub const CAPTURE: BlockMatchingParams = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuristic);
 
 /// Every profile.
 pub const ALL: [Profile; 12] = [
@@ -204,7 +205,7 @@ impl MatchSize {
         MatchSize { width, height, views: Views::CROSS, min_disparity: 1, num_disparities, block_size }
     }
 
-    const fn search(self, fusion: Fusion) -> Search {
+    const fn search(self, fusion: Fusion) -> SearchSpace {
         let MatchSize { width, height, views, min_disparity, num_disparities, .. } = self;
         match (SearchConfig { width, height, views, fusion, min_disparity, num_disparities }).checked() {
             Ok(search) => search,
@@ -212,12 +213,12 @@ impl MatchSize {
         }
     }
 
-    const fn params(self, fusion: Fusion) -> Params {
-        match Params::block_matching(self.search(fusion), self.block_size) {
+    const fn params(self, fusion: Fusion) -> BlockMatchingParams {
+        match BlockMatchingParams::block_matching(self.search(fusion), self.block_size) {
             Ok(params) => params,
             Err(_) => panic!(
                 "a profile's block size is out of range, or it has more than four views and the feature `array` of \
-                 multiscopic-core is off: see Params::block_matching"
+                 multiscopic-core is off: see BlockMatchingParams::block_matching"
             ),
         }
     }

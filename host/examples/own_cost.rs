@@ -13,12 +13,12 @@ use multiscopic::{
         optimization::winner,
     },
 };
-use multiscopic_core::{Frame, Fusion, Search, SearchConfig, SemiGlobalCost, Views};
+use multiscopic_core::{Frame, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, Views};
 
 /// The fused costs of a centre and its views: differences of slopes, at most [`SlopeRows::MOST`].
 struct SlopeRows<'a> {
     frames: &'a Frames,
-    search: &'a Search,
+    search: &'a SearchSpace,
 }
 
 impl SlopeRows<'_> {
@@ -36,7 +36,7 @@ impl SlopeRows<'_> {
 impl CostRows for SlopeRows<'_> {
     type Cost = u8;
 
-    fn search(&self) -> &Search {
+    fn search(&self) -> &SearchSpace {
         self.search
     }
 

@@ -30,7 +30,7 @@
 //! | [`capture`] | cameras, the stages that move them, and the capture that runs both |
 //! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |
 //! | [`alignment`] | how far the views are from where they should be, estimated and taken out |
-//! | `preparation` | [`Preparation`]: what is done to frames before they are matched, and the warnings after it |
+//! | `match_setup` | [`MatchSetup`]: what is done to frames before they are matched, and the warnings after it |
 //! | [`evaluation`] | data sets with ground truth, error metrics, those of walls and repeated captures, and the tables made of them |
 //! | [`target`] | microcontrollers: memory and time budgets, the firmware's pipeline simulated, its packets received |
 
@@ -43,8 +43,8 @@ pub mod evaluation;
 pub mod files;
 pub mod images;
 pub mod lens;
+mod match_setup;
 mod memory_limit;
-mod preparation;
 pub mod progress {
     //! Reports of long-running work, and its interruption.
 
@@ -61,8 +61,8 @@ pub use evaluation::{Dataset, Metrics};
 pub use files::Rig;
 pub use images::{DisparityMap, FloatImage, Frames, Geometry, Picture, Raster};
 pub use lens::{CameraModel, Lens, LensModel};
+pub use match_setup::MatchSetup;
 pub use memory_limit::memory_limit;
-pub use preparation::Preparation;
 pub use progress::Progress;
 pub use stereo::{Engine, Method, SemiGlobal, Simd, Volume, optimization::graph_cuts::GraphCuts};
 pub use target::Processor;

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Picture, Preparation, Result,
+    Alignment, DisparityMap, Error, Frames, MatchSetup, Picture, Result,
     images::BitDepth,
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
-use multiscopic_core::{Frame, Search, View, Views};
+use multiscopic_core::{Frame, SearchSpace, View, Views};
 use pyo3::prelude::*;
 
 use crate::{
@@ -120,7 +120,7 @@ impl Capture {
     }
 
     /// Rectifies `frames` and finds the range of disparities, as far as the options ask for it.
-    fn prepare(&mut self, frames: &mut Frames, options: &Options) -> Result<(Search, Option<Alignment>)> {
+    fn prepare(&mut self, frames: &mut Frames, options: &Options) -> Result<(SearchSpace, Option<Alignment>)> {
         let (aligns, finds_range) = (options.aligns(), options.finds_range());
         if !aligns && !finds_range {
             // Nothing has to be known of the images.
@@ -131,9 +131,9 @@ impl Capture {
         }
         let size_and_views = frames.clone().without_color();
         let search = |range| options.search(&size_and_views, range);
-        let Preparation { search, alignment, .. } = match aligns {
-            false => Preparation::new(frames, finds_range, search)?,
-            true => Preparation::rectifying(frames, &mut self.camera.geometry(), finds_range, search, |alignment| {
+        let MatchSetup { search, alignment, .. } = match aligns {
+            false => MatchSetup::new(frames, finds_range, search)?,
+            true => MatchSetup::rectifying(frames, &mut self.camera.geometry(), finds_range, search, |alignment| {
                 Ok(Frames::of_pictures(self.ideal(Some(alignment)).collect()).expect("the centre is among them"))
             })?,
         };

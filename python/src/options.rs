@@ -1,7 +1,7 @@
 //! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`, as `multiscopic_options` describes them.
 
 use multiscopic::{Alignment, DisparityMap, Engine, Error, Frames, Method, Result, images::BitDepth};
-use multiscopic_core::Search;
+use multiscopic_core::SearchSpace;
 use multiscopic_options::{
     Keywords,
     keywords::{Keyword, Kind, in_python},
@@ -99,7 +99,7 @@ impl Options {
     }
 
     /// Returns the search in `frames`. `range` is the smallest disparity and their number, unless options override them.
-    pub fn search(&self, frames: &Frames, range: (i16, u16)) -> Result<Search> {
+    pub fn search(&self, frames: &Frames, range: (i16, u16)) -> Result<SearchSpace> {
         self.keywords.matching.search(frames.size(), frames.views(), range)
     }
 

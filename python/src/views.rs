@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, CString};
 
-use multiscopic::{Frames, Geometry, Inspection, Method, Preparation};
+use multiscopic::{Frames, Geometry, Inspection, MatchSetup, Method};
 use multiscopic_options::keywords::{self, Keyword};
 use pyo3::{
     prelude::*,
@@ -136,7 +136,7 @@ pub fn align<'py>(
         let unaligned = frames.clone().without_color();
         let options = Options::of_range(min_disparity, num_disparities)?;
         let mut rectified = Vec::new();
-        Preparation::rectifying(
+        MatchSetup::rectifying(
             &mut frames,
             &mut geometry,
             false,

@@ -26,7 +26,7 @@ use multiscopic::{
         refinement::{Refinement, check_left_right},
     },
 };
-use multiscopic_core::{Frame, Fusion, Search, SearchConfig, View, Views};
+use multiscopic_core::{Frame, Fusion, SearchConfig, SearchSpace, View, Views};
 use multiscopic_tests::{
     program::Invocation,
     reference::networks::{self, Reference},
@@ -116,7 +116,7 @@ fn frames(width: usize, height: usize, random: &mut Random) -> Frames {
         .fold(Frames::new(noise(width, height, random)), |frames, view| frames.with(view, noise(width, height, random)))
 }
 
-fn search(frames: &Frames, views: Views, min_disparity: i16, num_disparities: u16) -> Search {
+fn search(frames: &Frames, views: Views, min_disparity: i16, num_disparities: u16) -> SearchSpace {
     let [width, height] = frames.size().map(|side| side as u16);
     SearchConfig { width, height, views, fusion: Fusion::Min, min_disparity, num_disparities }
         .checked()
@@ -124,7 +124,7 @@ fn search(frames: &Frames, views: Views, min_disparity: i16, num_disparities: u1
 }
 
 /// The costs of all views, computed in bands whose heights cycle through `heights`.
-fn computed(network: &Network, frames: &Frames, search: &Search, heights: &[usize]) -> Vec<Vec<f32>> {
+fn computed(network: &Network, frames: &Frames, search: &SearchSpace, heights: &[usize]) -> Vec<Vec<f32>> {
     let mut costs = Costs::new(network, frames, search);
     let row = search.width() * search.num_disparities();
     let mut all = vec![vec![f32::NAN; search.height() * row]; search.views().len()];

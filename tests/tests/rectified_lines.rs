@@ -3,8 +3,8 @@
 use std::{cell::Cell, fmt::Debug};
 
 use multiscopic_core::{
-    Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Memory, MemoryTooSmall, Params, Rectification, Rectified,
-    RectifiedError, Region, Rewind, ScanlineSource, SearchConfig, View, Views, kernel::Portable,
+    BlockMatchingParams, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Memory, MemoryTooSmall,
+    Rectification, Rectified, RectifiedError, Region, Rewind, ScanlineSource, SearchConfig, View, Views, kernel::Portable,
 };
 use multiscopic_tests::{
     reference::{RectifiedImage, rectify},
@@ -346,7 +346,11 @@ fn matching_rectified_lines_is_matching_rectified_images() {
 }
 
 /// The disparities of a region.
-fn disparities(params: &Params, region: &Region, source: &mut impl ScanlineSource<Error: Debug>) -> Vec<Option<Disparity>> {
+fn disparities(
+    params: &BlockMatchingParams,
+    region: &Region,
+    source: &mut impl ScanlineSource<Error: Debug>,
+) -> Vec<Option<Disparity>> {
     let mut memory = vec![0; Memory::new::<Portable<4>>(params, region.width()).words()];
     let mut matcher = Matcher::with_isa(Portable::<4, 1>, params, region, &mut memory).expect("enough memory");
     let (mut line, mut found) = (vec![None; region.width()], Vec::new());

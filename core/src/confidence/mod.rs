@@ -9,7 +9,7 @@ mod fitted;
 mod table;
 
 use crate::{
-    Disparity, MatchError, MemoryTooSmall, Params, Search,
+    BlockMatchingParams, Disparity, MatchError, MemoryTooSmall, SearchSpace,
     filters::{MatchedLines, copy_to},
     kernel::{Isa, Portable},
 };
@@ -98,7 +98,7 @@ fn long_division(mut rise: u32, sum: u32) -> u32 {
 /// It keeps eleven lines, and is five lines behind the matcher.
 ///
 /// ```
-/// use multiscopic_core::{ConfidenceLines, ConfidenceTable, Frame, Fusion, Matcher, Params, ScanlineSource, SearchConfig, Views};
+/// use multiscopic_core::{ConfidenceLines, ConfidenceTable, Frame, Fusion, Matcher, BlockMatchingParams, ScanlineSource, SearchConfig, Views};
 ///
 /// /// A texture, seen three pixels further to each side.
 /// struct Texture;
@@ -120,7 +120,7 @@ fn long_division(mut rise: u32, sum: u32) -> u32 {
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(80, 30) };
-/// const PARAMS: Params = match SEARCH.block_matching(5) {
+/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(5) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -140,7 +140,7 @@ fn long_division(mut rise: u32, sum: u32) -> u32 {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct ConfidenceLines<'m, I = Portable<{ Params::LANES }>> {
+pub struct ConfidenceLines<'m, I = Portable<{ BlockMatchingParams::LANES }>> {
     isa: I,
     table: &'m ConfidenceTable,
     lines: MatchedLines<'m, { ConfidenceTable::ROWS }>,
@@ -164,7 +164,7 @@ impl<'m> ConfidenceLines<'m> {
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn new(
-        search: &Search,
+        search: &SearchSpace,
         table: &'m ConfidenceTable,
         memory: &'m mut [u32],
     ) -> Result<ConfidenceLines<'m>, MemoryTooSmall> {
@@ -179,7 +179,7 @@ impl<'m, I: Isa> ConfidenceLines<'m, I> {
     /// [`MemoryTooSmall`].
     pub fn with_isa(
         isa: I,
-        search: &Search,
+        search: &SearchSpace,
         table: &'m ConfidenceTable,
         memory: &'m mut [u32],
     ) -> Result<ConfidenceLines<'m, I>, MemoryTooSmall> {

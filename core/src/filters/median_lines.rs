@@ -1,6 +1,6 @@
 //! The median filter, and the last lines from a matcher, which filters keep.
 
-use crate::{Disparity, MatchError, MemoryTooSmall, Search};
+use crate::{Disparity, MatchError, MemoryTooSmall, SearchSpace};
 
 /// Lines of disparities and grades of peak ratios, up to `REACH` lines above and below the one that is next.
 #[derive(Debug)]
@@ -29,7 +29,7 @@ impl<const REACH: usize> MatchedLines<'_, REACH> {
 
 impl<'m, const REACH: usize> MatchedLines<'m, REACH> {
     /// No lines yet, of frames of the size of `search`. `memory` has any content.
-    pub fn new(search: &Search, memory: &'m mut [u32]) -> Result<MatchedLines<'m, REACH>, MemoryTooSmall> {
+    pub fn new(search: &SearchSpace, memory: &'m mut [u32]) -> Result<MatchedLines<'m, REACH>, MemoryTooSmall> {
         let (width, height) = (search.width(), search.height());
         let too_small = MemoryTooSmall { needed: Self::memory_words(width), given: memory.len() };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
@@ -147,7 +147,7 @@ impl<'m> MedianLines<'m> {
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    pub fn new(search: &Search, memory: &'m mut [u32]) -> Result<MedianLines<'m>, MemoryTooSmall> {
+    pub fn new(search: &SearchSpace, memory: &'m mut [u32]) -> Result<MedianLines<'m>, MemoryTooSmall> {
         Ok(MedianLines { lines: MatchedLines::new(search, memory)? })
     }
 

@@ -4,18 +4,19 @@ use core::ops::Range;
 
 use super::median_lines::{MatchedLines, copy_to};
 use crate::{
-    Disparity, Frame, MatchError, MemoryTooSmall, Params, ScanlineSource, View, Views, kernel::Portable, memory::Lender,
+    BlockMatchingParams, Disparity, Frame, MatchError, MemoryTooSmall, ScanlineSource, View, Views, kernel::Portable,
+    memory::Lender,
 };
 
 /// Invalidates disparities around which the centre image has too little texture, line by line, as a matcher yields them.
 ///
-/// The texture is the sum over the block of [`Params`] of the slopes of grey, each the magnitude of a 3 x 3 Sobel derivative and
+/// The texture is the sum over the block of [`BlockMatchingParams`] of the slopes of grey, each the magnitude of a 3 x 3 Sobel derivative and
 /// at most 31: along rows for views to the left and right, along columns for those above and below, and for others the greater of
 /// the two. Beyond the borders the pixels there are repeated. With views to the left or right alone this is the texture of
 /// OpenCV's StereoBM, except at the borders. It is one line behind the matcher, whose lines of the centre it sees on their way.
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, Matcher, Params, ScanlineSource, SearchConfig, TextureLines, Views};
+/// use multiscopic_core::{Frame, Fusion, Matcher, BlockMatchingParams, ScanlineSource, SearchConfig, TextureLines, Views};
 ///
 /// /// Stripes, and blank columns from 40 on, seen two pixels further to each side.
 /// struct Wall;
@@ -34,7 +35,7 @@ use crate::{
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(80, 30) };
-/// const PARAMS: Params = match SEARCH.block_matching(5) {
+/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(5) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -44,7 +45,7 @@ use crate::{
 /// let mut lines = TextureLines::new(&PARAMS, 100, &mut memory)?;
 /// let (mut disparities, mut peaks) = ([None; PARAMS.width()], [0; PARAMS.width()]);
 /// while let Some(_v) = lines.next_line(
-///     |center, line, _peaks| matcher.next_line(&mut center.seen_in(&mut Wall), line),
+///     |center, line, _peaks| matcher.next_line(&mut center.observe(&mut Wall), line),
 ///     &mut disparities,
 ///     &mut peaks,
 /// )? {
@@ -78,7 +79,7 @@ pub struct CenterLines<'m> {
 
 /// A source, with its lines of the centre seen by a [`TextureLines`].
 #[derive(Debug)]
-pub struct SeenIn<'c, 'm, S> {
+pub struct ObservedSource<'c, 'm, S> {
     center: &'c mut CenterLines<'m>,
     source: S,
 }
@@ -91,7 +92,7 @@ impl TextureLines<'_> {
     pub const LATENCY_LINES: usize = 1;
 
     /// The words of memory for these parameters: a byte for each column and line of the block, and 14 for each column.
-    pub const fn memory_words(params: &Params) -> usize {
+    pub const fn memory_words(params: &BlockMatchingParams) -> usize {
         let lines = MatchedLines::<{ TextureLines::LATENCY_LINES }>::memory_words(params.width());
         lines + CenterLines::memory_words(params)
     }
@@ -104,7 +105,7 @@ impl<'m> TextureLines<'m> {
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    pub fn new(params: &Params, threshold: u32, memory: &'m mut [u32]) -> Result<TextureLines<'m>, MemoryTooSmall> {
+    pub fn new(params: &BlockMatchingParams, threshold: u32, memory: &'m mut [u32]) -> Result<TextureLines<'m>, MemoryTooSmall> {
         let too_small = MemoryTooSmall { needed: TextureLines::memory_words(params), given: memory.len() };
         let (center, lines) = memory.split_at_mut_checked(CenterLines::memory_words(params)).ok_or(too_small)?;
         let lines = MatchedLines::new(params.search(), lines).map_err(|_| too_small)?;
@@ -142,18 +143,18 @@ impl<'m> TextureLines<'m> {
 
 impl<'m> CenterLines<'m> {
     /// The bytes of a line of grey, of slopes and of column sums.
-    const fn bytes(params: &Params) -> [usize; 3] {
+    const fn bytes(params: &BlockMatchingParams) -> [usize; 3] {
         // Besides the lines of the block, the one that leaves it, and the last of the frame, which comes with the one before.
         [params.width(), (params.block_size() + 2) * params.width(), 2 * params.width()]
     }
 
     /// The words of memory for these parameters.
-    const fn memory_words(params: &Params) -> usize {
+    const fn memory_words(params: &BlockMatchingParams) -> usize {
         let [gray, slopes, columns] = CenterLines::bytes(params);
         2 * gray.div_ceil(4) + slopes.div_ceil(4) + columns.div_ceil(4)
     }
 
-    fn new(params: &Params, memory: &'m mut [u32]) -> Result<CenterLines<'m>, MemoryTooSmall> {
+    fn new(params: &BlockMatchingParams, memory: &'m mut [u32]) -> Result<CenterLines<'m>, MemoryTooSmall> {
         let mut lender = Lender::new::<Portable<1>>(memory, CenterLines::memory_words(params))?;
         let [gray, slopes, columns] = CenterLines::bytes(params);
         Ok(CenterLines {
@@ -168,8 +169,8 @@ impl<'m> CenterLines<'m> {
     }
 
     /// A source whose lines of the centre pass here.
-    pub fn seen_in<S: ScanlineSource>(&mut self, source: S) -> SeenIn<'_, 'm, S> {
-        SeenIn { center: self, source }
+    pub fn observe<S: ScanlineSource>(&mut self, source: S) -> ObservedSource<'_, 'm, S> {
+        ObservedSource { center: self, source }
     }
 
     /// Takes line `v`, the next one.
@@ -239,7 +240,7 @@ pub fn slopes(rows: [&[u8]; 3], views: Views, slopes: &mut [u8]) {
     }
 }
 
-impl<S: ScanlineSource> ScanlineSource for SeenIn<'_, '_, S> {
+impl<S: ScanlineSource> ScanlineSource for ObservedSource<'_, '_, S> {
     type Error = S::Error;
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), S::Error> {

@@ -30,7 +30,7 @@ mod warped_rows;
 use core::iter;
 
 use crate::{
-    Frame, MatchError, Params, Region, ScanlineSource, View, Views,
+    BlockMatchingParams, Frame, MatchError, Region, ScanlineSource, View, Views,
     kernel::Samples,
     memory::{Shape, StackShape},
 };
@@ -56,7 +56,7 @@ impl<'m> Frames<'m> {
     pub fn read_ahead<S: ScanlineSource>(
         &mut self,
         source: &mut S,
-        params: &Params,
+        params: &BlockMatchingParams,
         line: &mut [u8],
         v: i32,
     ) -> Result<(), MatchError<S::Error>> {
@@ -82,7 +82,7 @@ impl<'m> Frames<'m> {
     pub fn read_rest<S: ScanlineSource>(
         &mut self,
         source: &mut S,
-        params: &Params,
+        params: &BlockMatchingParams,
         line: &mut [u8],
     ) -> Result<(), MatchError<S::Error>> {
         for (frame, lines) in self.frames(params) {
@@ -95,7 +95,7 @@ impl<'m> Frames<'m> {
     }
 
     /// The frames and their lines, the centre first.
-    fn frames(&mut self, params: &Params) -> impl Iterator<Item = (Frame, &mut Lines<'m>)> {
+    fn frames(&mut self, params: &BlockMatchingParams) -> impl Iterator<Item = (Frame, &mut Lines<'m>)> {
         let views = params.views().iter().map(|view| params.frame(view)).zip(self.views.iter_mut().flatten());
         iter::once((Frame::Center, &mut self.center)).chain(views)
     }
@@ -125,7 +125,7 @@ impl<'m> Lines<'m> {
     /// No lines of `frame` yet, which is the centre or stands for one of the views of `params`. `samples`, of
     /// [`Shape::frame_bytes`] bytes for each plane, will store them. A plane has a byte of each pixel: its grey value, or
     /// one of its descriptor.
-    pub fn new(frame: Frame, params: &Params, region: &Region, shape: Shape, samples: &'m mut [u8]) -> Lines<'m> {
+    pub fn new(frame: Frame, params: &BlockMatchingParams, region: &Region, shape: Shape, samples: &'m mut [u8]) -> Lines<'m> {
         let radius = params.radius() as i32;
         let last = params.height() as i32 - 1;
         let lead = params.lead_of(frame) - radius;

@@ -20,7 +20,7 @@
 use core::{ops::Range, slice};
 
 use crate::{
-    Disparity, Fusion, MatchingCost, Params, SemiGlobalParams,
+    BlockMatchingParams, Disparity, Fusion, MatchingCost, SemiGlobalParams,
     confidence::PeakRatio,
     kernel::{Blocks, Lane},
     params::PriorLine,
@@ -30,7 +30,7 @@ use crate::{
 /// disparities at which no view is available.
 #[derive(Clone, Copy)]
 pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
-    pub params: &'a Params,
+    pub params: &'a BlockMatchingParams,
     /// The pixel's column.
     pub u: usize,
     /// The pixel's line.

@@ -15,7 +15,7 @@ use core::marker::PhantomData;
 use bytemuck::Pod;
 
 use crate::{
-    Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource, Views,
+    BlockMatchingParams, Disparity, Frame, MatchError, Memory, MemoryTooSmall, Region, ScanlineSource, Views,
     availability::Availability,
     kernel::{Blocks, Change, Isa, Kernel, Lane, Portable},
     lines::{Frames, Lines, PriorLines},
@@ -30,7 +30,7 @@ use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 /// column and lose a column. The caller lends the memory for these sums and for the lines under the blocks.
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, Matcher, Memory, Params, ScanlineSource, SearchConfig, Views};
+/// use multiscopic_core::{Frame, Fusion, Matcher, Memory, BlockMatchingParams, ScanlineSource, SearchConfig, Views};
 ///
 /// /// A ramp, seen three pixels further to each side.
 /// struct Ramp;
@@ -52,7 +52,7 @@ use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
-/// const PARAMS: Params = match SEARCH.block_matching(5) {
+/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(5) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -65,9 +65,9 @@ use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
+pub struct Matcher<'m, I = Portable<{ BlockMatchingParams::LANES }>> {
     isa: I,
-    params: Params,
+    params: BlockMatchingParams,
     region: Region,
     shape: Shape,
     frames: Frames<'m>,
@@ -98,24 +98,24 @@ struct Sums<'m> {
     zeros: &'m mut [u32],
 }
 
-impl Params {
+impl BlockMatchingParams {
     /// The lanes of the kernel that [`Matcher::new`] uses.
     pub const LANES: usize = 4;
 
     /// The words of memory that [`Matcher::new`] needs: see [`Memory`].
     pub const fn memory_words(&self) -> usize {
-        Memory::new::<Portable<{ Params::LANES }>>(self, self.width()).words()
+        Memory::new::<Portable<{ BlockMatchingParams::LANES }>>(self, self.width()).words()
     }
 }
 
 impl<'m> Matcher<'m> {
     /// A pass over the whole frame with portable instructions.
     ///
-    /// `memory` has at least [`Params::memory_words`] words, with any content.
+    /// `memory` has at least [`BlockMatchingParams::memory_words`] words, with any content.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    pub fn new(params: &Params, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
+    pub fn new(params: &BlockMatchingParams, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
         Matcher::with_isa(Portable, params, &Region::whole(params.search()), memory)
     }
 }
@@ -128,7 +128,12 @@ impl<'m, I: Isa> Matcher<'m, I> {
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    pub fn with_isa(isa: I, params: &Params, region: &Region, memory: &'m mut [u32]) -> Result<Matcher<'m, I>, MemoryTooSmall> {
+    pub fn with_isa(
+        isa: I,
+        params: &BlockMatchingParams,
+        region: &Region,
+        memory: &'m mut [u32],
+    ) -> Result<Matcher<'m, I>, MemoryTooSmall> {
         let needed = Memory::new::<I>(params, region.width()).words();
         Matcher::in_lent_memory(isa, params, region, &mut Lender::new::<I>(memory, needed)?)
     }
@@ -136,7 +141,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
     /// [`with_isa`](Matcher::with_isa), in memory of which other parts may be lent to others.
     pub(crate) fn in_lent_memory(
         isa: I,
-        params: &Params,
+        params: &BlockMatchingParams,
         region: &Region,
         lender: &mut Lender<'m>,
     ) -> Result<Matcher<'m, I>, MemoryTooSmall> {
@@ -185,7 +190,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
     }
 
     /// The parameters of the match.
-    pub fn params(&self) -> &Params {
+    pub fn params(&self) -> &BlockMatchingParams {
         &self.params
     }
 

@@ -31,7 +31,7 @@ use core::slice;
 
 use super::exact::Exact;
 use crate::{
-    Disparity, Params,
+    BlockMatchingParams, Disparity,
     availability::Availability,
     confidence::PeakRatio,
     disparity::Around,
@@ -44,7 +44,7 @@ use crate::{
 /// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
 pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     isa: I,
-    params: &'a Params,
+    params: &'a BlockMatchingParams,
     pub rule: Rule,
     /// The index of each lane of a vector.
     indices: I::Costs,
@@ -58,7 +58,7 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
-    pub fn new(isa: I, params: &'a Params, rule: Rule) -> Selection<'a, L, I> {
+    pub fn new(isa: I, params: &'a BlockMatchingParams, rule: Rule) -> Selection<'a, L, I> {
         let mut indices = <I::Costs as bytemuck::Zeroable>::zeroed();
         let mut padding = indices;
         for index in 0..I::LANES {

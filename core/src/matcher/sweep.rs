@@ -6,7 +6,7 @@ use core::{array, marker::PhantomData};
 
 use super::{exact::Exact, selection::Selection};
 use crate::{
-    Disparity, Fusion, Params, Region,
+    BlockMatchingParams, Disparity, Fusion, Region,
     availability::Availability,
     kernel::{Batch, Block, Blocks, Change, Divisor, Isa, Kernel, Lane, MAX_BATCH, Masks, Rule, Steps, Winners, Work},
     lines::{Frames, Lines},
@@ -57,7 +57,7 @@ pub(super) trait Output<L: Lane, I: Blocks<L>>: Sized {
 /// A sweep along a line.
 pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize, O> {
     pub isa: I,
-    pub params: &'a Params,
+    pub params: &'a BlockMatchingParams,
     pub region: &'a Region,
     /// The line.
     pub v: usize,

@@ -2,7 +2,7 @@
 
 use super::frame_lines::{BYTES, CandidatePlanes, LineRing, Pair, blur, column_sums};
 use crate::{
-    Census, Fusion, MemoryTooSmall, Search, Views,
+    Census, Fusion, MemoryTooSmall, SearchSpace, Views,
     availability::Availability,
     kernel::{Candidates, Isa, Kernel, Work, as_vectors_mut},
     memory::{Lender, align, vector_bytes},
@@ -71,7 +71,7 @@ struct FrameRings<'m, 'f> {
 pub struct CensusPairLines<'m, 'f, I> {
     isa: I,
     pair: CensusPair,
-    search: Search,
+    search: SearchSpace,
     /// Disparities, rounded up to whole vectors.
     depth: usize,
     center: FrameRings<'m, 'f>,
@@ -105,7 +105,7 @@ impl<'m, 'f> FrameRings<'m, 'f> {
 
     fn new(
         pair: CensusPair,
-        search: &Search,
+        search: &SearchSpace,
         frame: Option<&&'f [u8]>,
         lender: &mut Lender<'m>,
     ) -> Result<FrameRings<'m, 'f>, MemoryTooSmall> {
@@ -121,7 +121,7 @@ impl<'m, 'f> FrameRings<'m, 'f> {
 
 impl<'m, 'f, I: Isa> CensusPairLines<'m, 'f, I> {
     /// The words of memory that [`new`](CensusPairLines::new) needs.
-    pub const fn memory_words(pair: CensusPair, search: &Search) -> usize {
+    pub const fn memory_words(pair: CensusPair, search: &SearchSpace) -> usize {
         let (width, depth) = (search.width(), search.num_disparities().next_multiple_of(I::LANES));
         let vector = vector_bytes::<I>();
         let mut bytes = FrameRings::bytes(pair, width, vector)
@@ -148,7 +148,7 @@ impl<'m, 'f, I: Isa> CensusPairLines<'m, 'f, I> {
     pub fn new(
         isa: I,
         pair: CensusPair,
-        search: &Search,
+        search: &SearchSpace,
         frames: &[&'f [u8]],
         memory: &'m mut [u32],
     ) -> Result<CensusPairLines<'m, 'f, I>, MemoryTooSmall> {

@@ -8,7 +8,7 @@
 use core::ops::Range;
 
 use super::MAX_ACTIVATION;
-use crate::{Disparity, Search, SearchConfig};
+use crate::{Disparity, SearchConfig, SearchSpace};
 
 /// The disparity of a block of pixels that the volume part finds, from the least of the search on in steps, and how sure it is, from
 /// 0 to 127.
@@ -40,7 +40,7 @@ const NO_SUM: u16 = u16::MAX;
 
 /// A search with an even number of disparities, if there is another one: a volume has two in a slice, and the network was never
 /// trained with half a slice.
-pub const fn paired(search: &Search) -> Search {
+pub const fn paired(search: &SearchSpace) -> SearchSpace {
     let config = search.config();
     match (SearchConfig { num_disparities: config.num_disparities.next_multiple_of(2), ..config }).checked() {
         Ok(paired) => paired,

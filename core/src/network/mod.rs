@@ -9,7 +9,7 @@
 //! | `weight_file` | [`WeightFile`], [`QuantizedOutput`]: the file with the weights, and the way from sums of products to activations |
 //! | `network_layers` | [`NetworkLayers`]: the layers, whatever they compute with |
 //! | `channels` | [`PixelRow`]: the inputs, which are costs pooled over blocks of pixels and the channels of pixels |
-//! | `pixel_head` | [`PixelHead`], [`Exponentials`], [`two_looks`]: disparities by the outputs of the last layer |
+//! | `pixel_head` | [`PixelHead`], [`Exponentials`], [`fuse_rotations`]: disparities by the outputs of the last layer |
 //! | `frame_lines` | lines of frames that lie whole in memory, and their descriptors |
 //! | `census_pair_lines` | [`CensusPairLines`]: matching costs of such frames |
 //! | `network_matcher` | [`NetworkMatcher`]: all of it in bounded memory |
@@ -29,7 +29,7 @@ pub use channels::{
 };
 pub use network_layers::{ImageLayers, NetworkLayers, Skeleton, VolumeLayers};
 pub use network_matcher::{NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError};
-pub use pixel_head::{Exponentials, PixelHead, PixelScores, blocks_around, two_looks};
+pub use pixel_head::{Exponentials, PixelHead, PixelScores, blocks_around, fuse_rotations};
 pub use weight_file::{LayerRecord, QuantizedOutput, WeightError, WeightFile};
 
 /// The file with the trained weights.

@@ -169,7 +169,7 @@ fn choices(rows: [&[u16]; 5], x: usize) -> [u16; NEIGHBORS] {
 /// averaged, with the squares of their confidences plus one as weights, and their confidences too. Otherwise the surer is taken. With probabilities `p` and `q` that each is right, and not both, its own is
 /// `p (1 - q) / (1 - p q)`.
 #[inline]
-pub fn two_looks(disparities: [u16; 2], confidences: [u8; 2]) -> (u16, u8) {
+pub fn fuse_rotations(disparities: [u16; 2], confidences: [u8; 2]) -> (u16, u8) {
     let ([a, b], [p, q]) = (disparities.map(u64::from), confidences.map(u64::from));
     if a.abs_diff(b) <= Disparity::STEPS as u64 {
         let [v, w] = [p, q].map(|confidence| confidence * confidence + 1);

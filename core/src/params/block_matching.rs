@@ -2,17 +2,17 @@
 
 use super::{
     prior::Prior,
-    search::{ParamsError, Search, SearchConfig},
+    search::{ParamsError, SearchConfig, SearchSpace},
 };
 use crate::{Frame, Fusion, View, Views};
 
-/// The parameters of block matching: a [`Search`] and the size of the block. Every value of this type is
+/// The parameters of block matching: a [`SearchSpace`] and the size of the block. Every value of this type is
 /// valid.
 ///
 /// ```
-/// use multiscopic_core::{Fusion, Params, SearchConfig, Views};
+/// use multiscopic_core::{Fusion, BlockMatchingParams, SearchConfig, Views};
 /// const SEARCH: SearchConfig = SearchConfig { num_disparities: 32, ..SearchConfig::of_size(320, 240) };
-/// const PARAMS: Params = match SEARCH.block_matching(11) {
+/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(11) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -20,14 +20,14 @@ use crate::{Frame, Fusion, View, Views};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Params {
-    search: Search,
+pub struct BlockMatchingParams {
+    search: SearchSpace,
     block_size: u8,
     prior: Option<Prior>,
     uniqueness_ratio: Option<u8>,
 }
 
-impl Params {
+impl BlockMatchingParams {
     /// The largest block, 21 x 21 pixels.
     pub const MAX_BLOCK_SIZE: u8 = 21;
 
@@ -35,19 +35,19 @@ impl Params {
     ///
     /// # Errors
     /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
-    pub const fn block_matching(search: Search, block_size: u8) -> Result<Params, ParamsError> {
+    pub const fn block_matching(search: SearchSpace, block_size: u8) -> Result<BlockMatchingParams, ParamsError> {
         if let Err(error) = search.check_views() {
             return Err(error);
         }
-        if block_size.is_multiple_of(2) || block_size > Params::MAX_BLOCK_SIZE {
-            return Err(ParamsError::BlockSize { given: block_size, largest: Params::MAX_BLOCK_SIZE });
+        if block_size.is_multiple_of(2) || block_size > BlockMatchingParams::MAX_BLOCK_SIZE {
+            return Err(ParamsError::BlockSize { given: block_size, largest: BlockMatchingParams::MAX_BLOCK_SIZE });
         }
-        Ok(Params::of(search, block_size))
+        Ok(BlockMatchingParams::of(search, block_size))
     }
 
     /// Parameters of a block whose size is known to be valid.
-    pub(crate) const fn of(search: Search, block_size: u8) -> Params {
-        Params { search, block_size, prior: None, uniqueness_ratio: None }
+    pub(crate) const fn of(search: SearchSpace, block_size: u8) -> BlockMatchingParams {
+        BlockMatchingParams { search, block_size, prior: None, uniqueness_ratio: None }
     }
 
     /// The same search, at each pixel around a disparity that is known beforehand: its *prior*, which an earlier match
@@ -72,11 +72,11 @@ impl Params {
     /// pixel without a prior, or whose prior is outside the range of `earlier`, stays invalid.
     ///
     /// ```
-    /// use multiscopic_core::{Frame, Fusion, Params, SearchConfig, View, Views};
+    /// use multiscopic_core::{Frame, Fusion, BlockMatchingParams, SearchConfig, View, Views};
     /// const QVGA: SearchConfig = SearchConfig::of_size(320, 240);
     /// const SEARCH: SearchConfig =
     ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 32, ..QVGA };
-    /// const SHORT: Params = match SEARCH.block_matching(11) {
+    /// const SHORT: BlockMatchingParams = match SEARCH.block_matching(11) {
     ///     Ok(params) => params,
     ///     Err(_) => panic!("the parameters are out of range"),
     /// };
@@ -87,14 +87,14 @@ impl Params {
     /// assert_eq!(long.frame(View::RIGHT).to_string(), "4,0");
     /// # Ok::<(), multiscopic_core::ParamsError>(())
     /// ```
-    pub const fn around(self, earlier: &Search) -> Params {
+    pub const fn around(self, earlier: &SearchSpace) -> BlockMatchingParams {
         let multiple = self.search.views().multiple();
         let (min_disparity, max_disparity) = (earlier.min_disparity(), earlier.max_disparity());
         let search = match self.search.with_views(self.search.views().divided_by(multiple)) {
             Ok(search) => search,
             Err(_) => self.search,
         };
-        Params { search, prior: Some(Prior { multiple, min_disparity, max_disparity }), ..self }
+        BlockMatchingParams { search, prior: Some(Prior { multiple, min_disparity, max_disparity }), ..self }
     }
 
     /// The prior around which is searched.
@@ -106,8 +106,8 @@ impl Params {
     /// over `percent` of the least cost more, and around a prior the prior stays otherwise. It is the `uniquenessRatio` of
     /// OpenCV's StereoBM.
     #[inline(always)]
-    pub const fn with_uniqueness_ratio(self, percent: Option<u8>) -> Params {
-        Params { uniqueness_ratio: percent, ..self }
+    pub const fn with_uniqueness_ratio(self, percent: Option<u8>) -> BlockMatchingParams {
+        BlockMatchingParams { uniqueness_ratio: percent, ..self }
     }
 
     /// The [uniqueness ratio](Params::with_uniqueness_ratio) in percent.
@@ -140,12 +140,12 @@ impl Params {
 
     /// The same with another fusion rule.
     #[inline(always)]
-    pub const fn with_fusion(self, fusion: Fusion) -> Params {
-        Params { search: self.search.with_fusion(fusion), ..self }
+    pub const fn with_fusion(self, fusion: Fusion) -> BlockMatchingParams {
+        BlockMatchingParams { search: self.search.with_fusion(fusion), ..self }
     }
 
     /// The search, whatever the size of the block.
-    pub const fn search(&self) -> &Search {
+    pub const fn search(&self) -> &SearchSpace {
         &self.search
     }
 
@@ -238,7 +238,7 @@ impl Params {
     }
 }
 
-/// [`Params::lead`], for costs that reach `radius` lines up and down, at disparities from `least` to `most`.
+/// [`BlockMatchingParams::lead`], for costs that reach `radius` lines up and down, at disparities from `least` to `most`.
 pub(crate) const fn lead((least, most): (i16, i16), radius: usize, frame: Frame) -> i32 {
     let below = match frame {
         Frame::Center => 0,
@@ -250,21 +250,21 @@ pub(crate) const fn lead((least, most): (i16, i16), radius: usize, frame: Frame)
     radius as i32 + below
 }
 
-/// [`Params::latency_lines`], for costs that reach `radius` lines up and down, at disparities in `range`.
-pub(crate) fn latency_lines(search: &Search, range: (i16, i16), radius: usize) -> usize {
+/// [`BlockMatchingParams::latency_lines`], for costs that reach `radius` lines up and down, at disparities in `range`.
+pub(crate) fn latency_lines(search: &SearchSpace, range: (i16, i16), radius: usize) -> usize {
     let of = |frame| lead(range, radius, frame);
     let lead = search.views().iter().map(Frame::View).fold(of(Frame::Center), |most, frame| most.max(of(frame)));
     (lead as usize + 1).min(search.height())
 }
 
 impl SearchConfig {
-    /// The parameters of block matching in this search: [`Params::block_matching`].
+    /// The parameters of block matching in this search: [`BlockMatchingParams::block_matching`].
     ///
     /// # Errors
     /// The first parameter that is out of its range, with its value.
-    pub const fn block_matching(self, block_size: u8) -> Result<Params, ParamsError> {
+    pub const fn block_matching(self, block_size: u8) -> Result<BlockMatchingParams, ParamsError> {
         match self.checked() {
-            Ok(search) => Params::block_matching(search, block_size),
+            Ok(search) => BlockMatchingParams::block_matching(search, block_size),
             Err(error) => Err(error),
         }
     }

@@ -2,10 +2,10 @@
 
 use core::ops::Range;
 
-use crate::{Disparity, Search, View};
+use crate::{Disparity, SearchSpace, View};
 
 /// Disparities that are known from an earlier match of the same centre at a shorter baseline, and around which views
-/// several baselines away are searched: see [`Params::around`](crate::Params::around).
+/// several baselines away are searched: see [`BlockMatchingParams::around`](crate::Params::around).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Prior {
@@ -99,7 +99,7 @@ impl PriorLine<'_> {
     /// Puts the disparities of `columns` in place of those that `search` found around the prior. The prior remains where none
     /// was found, or if costs still fall at the end of the search.
     #[inline(always)]
-    pub fn refine(&self, columns: Range<usize>, search: &Search, found: &mut [Option<Disparity>]) {
+    pub fn refine(&self, columns: Range<usize>, search: &SearchSpace, found: &mut [Option<Disparity>]) {
         let steps = Disparity::STEPS;
         let (least, most) = (i32::from(search.min_disparity()) * steps, i32::from(search.max_disparity()) * steps);
         for (pixel, &prior) in found.iter_mut().zip(self.pixels.get(columns).unwrap_or_default()) {

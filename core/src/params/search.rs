@@ -4,14 +4,14 @@ use core::{error, fmt};
 
 use crate::{Disparity, Fusion, Views};
 
-/// The fields of a [`Search`] by their names: what is searched in frames of a size. Values out of range are refused by
+/// The fields of a [`SearchSpace`] by their names: what is searched in frames of a size. Values out of range are refused by
 /// [`checked`](SearchConfig::checked), or by the parameters of a method that are made of it.
 ///
 /// ```
-/// use multiscopic_core::{Fusion, Params, SearchConfig, Views};
+/// use multiscopic_core::{Fusion, BlockMatchingParams, SearchConfig, Views};
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-/// const PARAMS: Params = match SEARCH.block_matching(7) {
+/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -48,7 +48,7 @@ impl SearchConfig {
     ///
     /// # Errors
     /// The first field that is out of its range, with its value.
-    pub const fn checked(self) -> Result<Search, ParamsError> {
+    pub const fn checked(self) -> Result<SearchSpace, ParamsError> {
         let SearchConfig { width, height, views, min_disparity, num_disparities, .. } = self;
         if width == 0 || height == 0 {
             return Err(ParamsError::EmptyFrame { width, height });
@@ -60,7 +60,7 @@ impl SearchConfig {
         if num_disparities == 0 || min_disparity < Disparity::MIN_SEARCH || last > Disparity::MAX_SEARCH as i32 {
             return Err(ParamsError::Range { min_disparity, num_disparities });
         }
-        Ok(Search { config: self })
+        Ok(SearchSpace { config: self })
     }
 }
 
@@ -75,11 +75,11 @@ impl SearchConfig {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Search {
+pub struct SearchSpace {
     config: SearchConfig,
 }
 
-impl Search {
+impl SearchSpace {
     /// The fields of the search, to change some of them.
     pub const fn config(&self) -> SearchConfig {
         self.config
@@ -100,17 +100,17 @@ impl Search {
     ///
     /// # Errors
     /// [`ParamsError::NoViews`].
-    pub const fn with_views(self, views: Views) -> Result<Search, ParamsError> {
+    pub const fn with_views(self, views: Views) -> Result<SearchSpace, ParamsError> {
         if views.is_empty() {
             return Err(ParamsError::NoViews);
         }
-        Ok(Search { config: SearchConfig { views, ..self.config } })
+        Ok(SearchSpace { config: SearchConfig { views, ..self.config } })
     }
 
     /// The same with another fusion rule.
     #[inline(always)]
-    pub const fn with_fusion(self, fusion: Fusion) -> Search {
-        Search { config: SearchConfig { fusion, ..self.config } }
+    pub const fn with_fusion(self, fusion: Fusion) -> SearchSpace {
+        SearchSpace { config: SearchConfig { fusion, ..self.config } }
     }
 
     /// Pixels in a line.

@@ -1,8 +1,8 @@
 //! The parameters of semi-global matching.
 
 use super::{
-    block_matching::{self, Params},
-    search::{ParamsError, Search, SearchConfig},
+    block_matching::{self, BlockMatchingParams},
+    search::{ParamsError, SearchConfig, SearchSpace},
 };
 use crate::{Frame, Fusion};
 
@@ -96,7 +96,7 @@ impl Census {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SemiGlobalParams {
-    search: Search,
+    search: SearchSpace,
     cost: SemiGlobalCost,
     penalties: PathPenalties,
     uniqueness_ratio: Option<u8>,
@@ -246,7 +246,7 @@ impl SemiGlobalParams {
     ///
     /// # Errors
     /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
-    pub const fn new(search: Search, cost: SemiGlobalCost) -> Result<SemiGlobalParams, ParamsError> {
+    pub const fn new(search: SearchSpace, cost: SemiGlobalCost) -> Result<SemiGlobalParams, ParamsError> {
         SemiGlobalParams::with_penalties(search, cost, cost.default_penalties(search.views().len()))
     }
 
@@ -255,7 +255,7 @@ impl SemiGlobalParams {
     /// # Errors
     /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
     pub const fn with_penalties(
-        search: Search,
+        search: SearchSpace,
         cost: SemiGlobalCost,
         penalties: PathPenalties,
     ) -> Result<SemiGlobalParams, ParamsError> {
@@ -286,7 +286,7 @@ impl SemiGlobalParams {
     }
 
     /// The search.
-    pub const fn search(&self) -> &Search {
+    pub const fn search(&self) -> &SearchSpace {
         &self.search
     }
 
@@ -301,10 +301,10 @@ impl SemiGlobalParams {
     }
 
     /// The block matching whose sums are the costs, or whose search a census follows pixel by pixel.
-    pub(crate) const fn block_matching(&self) -> Params {
+    pub(crate) const fn block_matching(&self) -> BlockMatchingParams {
         match self.cost {
-            SemiGlobalCost::Sad { block_size } => Params::of(self.search, block_size),
-            SemiGlobalCost::Census(_) => Params::of(self.search, 1),
+            SemiGlobalCost::Sad { block_size } => BlockMatchingParams::of(self.search, block_size),
+            SemiGlobalCost::Census(_) => BlockMatchingParams::of(self.search, 1),
         }
     }
 
@@ -316,13 +316,13 @@ impl SemiGlobalParams {
         }
     }
 
-    /// The number of lines of `frame` past its own that a disparity line needs: as [`Params::lead`], with the radius
+    /// The number of lines of `frame` past its own that a disparity line needs: as [`BlockMatchingParams::lead`], with the radius
     /// of the block or of the census window.
     pub const fn lead(&self, frame: Frame) -> i32 {
         block_matching::lead(self.search.range(), self.reach(), frame)
     }
 
-    /// The latency in lines: as [`Params::latency_lines`].
+    /// The latency in lines: as [`BlockMatchingParams::latency_lines`].
     pub fn latency_lines(&self) -> usize {
         block_matching::latency_lines(&self.search, self.search.range(), self.reach())
     }

@@ -1,8 +1,8 @@
 //! The matching costs of a line, by either cost function.
 
 use crate::{
-    Census, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, ScanlineSource, Search, SemiGlobalCost, SemiGlobalParams,
-    View, Views,
+    BlockMatchingParams, Census, Frame, MatchError, Matcher, MemoryTooSmall, Region, ScanlineSource, SearchSpace, SemiGlobalCost,
+    SemiGlobalParams, View, Views,
     availability::Availability,
     kernel::{Candidates, Isa, Kernel, Work, as_vectors_mut},
     lines::{Lines, replicate},
@@ -31,7 +31,7 @@ impl Census {
 
 impl<'m> CensusWindow<'m> {
     /// No lines yet. `samples` has [`Census::window_bytes`] bytes.
-    pub fn new(census: Census, search: &Search, samples: &'m mut [u8]) -> CensusWindow<'m> {
+    pub fn new(census: Census, search: &SearchSpace, samples: &'m mut [u8]) -> CensusWindow<'m> {
         CensusWindow { samples, radius: census.radius(), width: search.width(), height: search.height(), next: 0 }
     }
 
@@ -131,7 +131,7 @@ pub(crate) fn descriptor_at<const N: usize>(descriptors: &[u8], width: usize, u:
 pub(super) struct CensusLines<'m, I> {
     isa: I,
     /// A search pixel by pixel.
-    params: Params,
+    params: BlockMatchingParams,
     census: Census,
     center: CensusWindow<'m>,
     views: [Option<ViewDescriptors<'m>>; Views::MAX_MATCHED],
@@ -155,7 +155,12 @@ struct ViewDescriptors<'m> {
 
 impl<'m, I: Isa> CensusLines<'m, I> {
     /// No lines yet.
-    pub fn new(isa: I, params: &Params, census: Census, lender: &mut Lender<'m>) -> Result<CensusLines<'m, I>, MemoryTooSmall> {
+    pub fn new(
+        isa: I,
+        params: &BlockMatchingParams,
+        census: Census,
+        lender: &mut Lender<'m>,
+    ) -> Result<CensusLines<'m, I>, MemoryTooSmall> {
         let shape = Shape::new::<I>(params, params.width());
         let whole = Region::whole(params.search());
         let window = |lender: &mut Lender<'m>| {
@@ -260,7 +265,7 @@ impl Work for Transform<'_, '_> {
 /// The costs of a line, to be computed.
 struct CostRow<'a, 'm, I> {
     isa: I,
-    params: &'a Params,
+    params: &'a BlockMatchingParams,
     /// The descriptors of the centre.
     center_descriptors: &'a [u8],
     views: &'a [Option<ViewDescriptors<'m>>],

@@ -31,7 +31,7 @@ use core::ops::Range;
 use super::path_lines::{PathLines, PathSweep, Slots};
 use crate::{
     Disparity, Memory, MemoryTooSmall, SemiGlobalParams,
-    kernel::{Isa, Kernel, Reached, RunPenalties, Slot, Step, Work, as_vectors, as_vectors_mut},
+    kernel::{Isa, Kernel, PixelPaths, RunPenalties, Slot, Step, Work, as_vectors, as_vectors_mut},
     memory::{Lender, PathShape, align, vector_bytes},
 };
 
@@ -333,7 +333,7 @@ impl<I: Kernel> Work for ExtendAndSelect<'_, '_, I> {
         let ExtendAndSelect { isa, params, paths, excess: from_below, sums, disparities } = self;
         PathSweep { isa, params, paths, disparities: &mut [], peaks: None }.forward();
         let (depth, min_disparity) = (paths.shape.depth, params.search().min_disparity());
-        paths.extend_backward(isa, params.penalties().p1(), |Reached { column, costs, excess, .. }| {
+        paths.extend_backward(isa, params.penalties().p1(), |PixelPaths { column, costs, excess, .. }| {
             let candidates = column * depth..(column + 1) * depth;
             let (Some(sums), Some(from_below)) = (sums.get_mut(candidates.clone()), from_below.get(candidates)) else { return };
             for (((sum, &cost), &excess), &from_below) in sums.iter_mut().zip(costs).zip(excess).zip(from_below) {

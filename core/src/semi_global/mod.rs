@@ -12,7 +12,7 @@ mod eight_paths;
 mod path_lines;
 
 use crate::{
-    Disparity, MatchError, Memory, MemoryTooSmall, Params, ScanlineSource, SemiGlobalParams,
+    BlockMatchingParams, Disparity, MatchError, Memory, MemoryTooSmall, ScanlineSource, SemiGlobalParams,
     kernel::{Isa, Kernel, Portable},
     memory::{Lender, PathShape},
 };
@@ -67,7 +67,7 @@ use path_lines::{PathLines, PathSweep};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct SemiGlobalMatcher<'m, I = Portable<{ Params::LANES }>> {
+pub struct SemiGlobalMatcher<'m, I = Portable<{ BlockMatchingParams::LANES }>> {
     isa: I,
     params: SemiGlobalParams,
     costs: CostLines<'m, I>,
@@ -79,7 +79,7 @@ pub struct SemiGlobalMatcher<'m, I = Portable<{ Params::LANES }>> {
 impl SemiGlobalParams {
     /// The words of memory that [`SemiGlobalMatcher::new`] needs: see [`Memory`].
     pub const fn memory_words(&self) -> usize {
-        Memory::semi_global::<Portable<{ Params::LANES }>>(self).words()
+        Memory::semi_global::<Portable<{ BlockMatchingParams::LANES }>>(self).words()
     }
 }
 

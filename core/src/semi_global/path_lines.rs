@@ -6,7 +6,7 @@ use crate::{
     Disparity, SemiGlobalParams,
     confidence::PeakRatio,
     disparity::Around,
-    kernel::{BackwardRun, ForwardRun, Kernel, MAX_BATCH, Reached, RunPenalties, Slot, Work, as_vectors},
+    kernel::{BackwardRun, ForwardRun, Kernel, MAX_BATCH, PixelPaths, RunPenalties, Slot, Work, as_vectors},
     memory::PathShape,
 };
 
@@ -160,8 +160,8 @@ impl PathWinners {
 
 /// The disparity of a pixel with a winner.
 #[inline(always)]
-pub(super) fn select(min_disparity: i16, pixel: Reached<'_>) -> Option<Disparity> {
-    let Reached { costs, excess, winner: (least, index), .. } = pixel;
+pub(super) fn select(min_disparity: i16, pixel: PixelPaths<'_>) -> Option<Disparity> {
+    let PixelPaths { costs, excess, winner: (least, index), .. } = pixel;
     if !exists(least) {
         return None;
     }
@@ -248,7 +248,7 @@ impl<'m> PathLines<'m> {
 
     /// Extends the path from the right through the line, and hands over each pixel, in any order.
     #[inline(always)]
-    pub fn extend_backward<I: Kernel>(&mut self, isa: I, p1: u8, reach: impl FnMut(Reached<'_>)) {
+    pub fn extend_backward<I: Kernel>(&mut self, isa: I, p1: u8, reach: impl FnMut(PixelPaths<'_>)) {
         let PathLines { shape, costs, excess, along, start, samples: [here, above], p2, .. } = self;
         Slot::copy(along[0], start);
         let penalties = RunPenalties { p1, p2, here, above };

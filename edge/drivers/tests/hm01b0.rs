@@ -7,7 +7,7 @@ use embedded_hal_mock::eh1::{
     i2c::{Mock, Transaction},
 };
 use multiscopic_core::{
-    Frame, Fusion, MatchError, Matcher, Params, ScanlineSource, SearchConfig, View, Views,
+    BlockMatchingParams, Frame, Fusion, MatchError, Matcher, ScanlineSource, SearchConfig, View, Views,
     capture::{Camera, Plan},
 };
 use multiscopic_drivers::hm01b0::{
@@ -16,7 +16,7 @@ use multiscopic_drivers::hm01b0::{
 
 const SEARCH: SearchConfig =
     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-const PARAMS: Params = match SEARCH.block_matching(7) {
+const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
     Ok(params) => params,
     Err(_) => panic!("the parameters are out of range"),
 };

@@ -16,8 +16,8 @@ mod image {
     #[cfg(not(all(feature = "array", feature = "an547")))]
     use multiscopic_core::network::{NetworkMatcher, NetworkParams};
     use multiscopic_core::{
-        Census, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Params, Rectification, Rectified, Region,
-        Rewind, ScanlineSource, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
+        BlockMatchingParams, Census, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Rectification, Rectified,
+        Region, Rewind, ScanlineSource, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
     };
     use static_cell::ConstStaticCell;
 
@@ -62,7 +62,7 @@ mod image {
             SearchConfig { width, height, views, fusion, min_disparity, num_disparities }.block_matching(block_size).ok()?;
         let (memory, line) = (MEMORY.try_take()?, LINE.try_take()?);
         let matches = black_box([params, params.around(params.search())]);
-        let tiles = |params: Params| Region::tiles(params.search(), black_box(20)).map(move |tile| (params, tile));
+        let tiles = |params: BlockMatchingParams| Region::tiles(params.search(), black_box(20)).map(move |tile| (params, tile));
         for (params, tile) in matches.into_iter().flat_map(tiles) {
             let mut matcher = Matcher::with_isa(BoardKernel::default(), &params, &tile, &mut memory[..]).ok()?;
             let line = line.get_mut(..tile.width())?;
@@ -97,7 +97,7 @@ mod image {
 
     /// The network. With loops over eight views, a Cortex-M55 has no flash for it besides.
     #[cfg(not(all(feature = "array", feature = "an547")))]
-    fn network(params: &Params, memory: &mut [u32]) -> Option<()> {
+    fn network(params: &BlockMatchingParams, memory: &mut [u32]) -> Option<()> {
         let params = NetworkParams::new(params.search().with_views(black_box(Views::HORIZONTAL)).ok()?).ok()?;
         let weights = black_box(&[0_u8; 8][..]);
         let mut matcher = NetworkMatcher::new(BoardKernel::default(), &params, weights, memory).ok()?;
@@ -111,7 +111,7 @@ mod image {
     }
 
     #[cfg(all(feature = "array", feature = "an547"))]
-    fn network(_: &Params, _: &mut [u32]) -> Option<()> {
+    fn network(_: &BlockMatchingParams, _: &mut [u32]) -> Option<()> {
         Some(())
     }
 

@@ -12,8 +12,8 @@ mod image {
     use core::{convert::Infallible, time::Duration};
     use embedded_io::Write;
     use multiscopic_core::{
-        Displacement, DisplacementGrid, Frame, Fusion, Rectification, Rectified, RectifiedError, Rewind, ScanlineSource, Search,
-        View, Views,
+        Displacement, DisplacementGrid, Frame, Fusion, Rectification, Rectified, RectifiedError, Rewind, ScanlineSource,
+        SearchSpace, View, Views,
     };
     use multiscopic_edge::{Board, Matching, Phase, Workspace, profile::QQVGA, workspace};
     use multiscopic_firmware::{BoardKernel, HostError, HostFile, Semihosted, fail};
@@ -124,7 +124,7 @@ mod image {
         type Output = HostFile;
         type Error = HostError;
 
-        fn frames(&mut self, search: &Search) -> Result<FlashFrames, HostError> {
+        fn frames(&mut self, search: &SearchSpace) -> Result<FlashFrames, HostError> {
             Ok(match self.lines.take() {
                 Some(lines) => match Rectified::new(Flash, &RECTIFICATION, search.views(), lines) {
                     Ok(frames) => FlashFrames::Rectified(frames),

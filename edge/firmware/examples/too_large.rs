@@ -4,13 +4,13 @@
 #[cfg(target_os = "none")]
 mod image {
     use core::hint::black_box;
-    use multiscopic_core::{Params, SearchConfig};
+    use multiscopic_core::{BlockMatchingParams, SearchConfig};
     use multiscopic_firmware as _; // Provides the fault handler.
     use static_cell::ConstStaticCell;
 
     /// A VGA frame in one pass; the memory below is twice what it needs.
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 64, ..SearchConfig::of_size(640, 480) };
-    const PARAMS: Params = match SEARCH.block_matching(11) {
+    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(11) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

@@ -1,6 +1,6 @@
 //! The command line that the firmware is started with.
 
-use multiscopic_core::{Fusion, Params, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
+use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
 use multiscopic_edge::Matching;
 use semihosting::experimental::env;
 
@@ -49,7 +49,7 @@ pub fn calibration() -> Option<Matching> {
         .checked()
         .ok()?;
     let tile_width = words.next()?.parse().ok()?;
-    let blocks = || Params::block_matching(search, block_size).ok();
+    let blocks = || BlockMatchingParams::block_matching(search, block_size).ok();
     Some(match words.next()? {
         "bm" => Matching::Blocks { params: blocks()?, tile_width },
         "sgm" => Matching::SemiGlobal(SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size }).ok()?),

@@ -2,7 +2,7 @@
 
 use defmt_semihosting as _; // Sends the log to the host's standard output.
 use embedded_io::Write;
-use multiscopic_core::{Params, Search, SemiGlobalParams, network::NetworkParams};
+use multiscopic_core::{BlockMatchingParams, SearchSpace, SemiGlobalParams, network::NetworkParams};
 use multiscopic_edge::{Board, Pipeline, PipelineError, RunError, Streams, packet::Sender};
 use semihosting::process;
 
@@ -20,7 +20,7 @@ defmt::timestamp!("{=u64:ms}", semihosted::elapsed().as_millis() as u64);
 /// Matches blocks of the frames of the board, with the fusion on the command line.
 // Inlined, as all below, so that the compiler knows the parameters.
 #[inline(always)]
-pub fn match_blocks(name: &str, params: Params, tile_width: usize, pipeline: Pipeline<'_>) -> ! {
+pub fn match_blocks(name: &str, params: BlockMatchingParams, tile_width: usize, pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let params = params.with_fusion(arguments::fusion()?);
         let mut frames = open(name, tile_width, params.search())?;
@@ -40,7 +40,7 @@ pub fn match_semi_globally(name: &str, params: SemiGlobalParams, pipeline: Pipel
 
 /// Matches the frames of the board from short baselines to long ones, with the fusion on the command line.
 #[inline(always)]
-pub fn match_around_prior(name: &str, (short, long): (Params, Params), pipeline: Pipeline<'_>) -> ! {
+pub fn match_around_prior(name: &str, (short, long): (BlockMatchingParams, BlockMatchingParams), pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let fusion = arguments::fusion()?;
         let (short, long) = (short.with_fusion(fusion), long.with_fusion(fusion));
@@ -55,7 +55,7 @@ pub fn match_around_prior(name: &str, (short, long): (Params, Params), pipeline:
 
 /// Matches blocks of the frames of the board and computes confidences, with the fusion on the command line.
 #[inline(always)]
-pub fn match_blocks_with_confidences(name: &str, params: Params, pipeline: Pipeline<'_>) -> ! {
+pub fn match_blocks_with_confidences(name: &str, params: BlockMatchingParams, pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let params = params.with_fusion(arguments::fusion()?);
         let mut frames = open(name, params.width(), params.search())?;
@@ -108,7 +108,7 @@ fn end(work: impl FnOnce() -> Result<(), FirmwareError>) -> ! {
 
 /// Opens the frames of a search.
 #[inline(always)]
-fn open(name: &str, tile_width: usize, search: &Search) -> Result<Streams<HostFile>, FirmwareError> {
+fn open(name: &str, tile_width: usize, search: &SearchSpace) -> Result<Streams<HostFile>, FirmwareError> {
     defmt::info!("profile {=str}, {=usize} columns at a time, {}", name, tile_width, search);
     Semihosted.frames(search)
 }

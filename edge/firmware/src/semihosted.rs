@@ -1,7 +1,7 @@
 //! The board that a debugger or an emulator lends.
 
 use core::time::Duration;
-use multiscopic_core::{Frame, Search};
+use multiscopic_core::{Frame, SearchSpace};
 use multiscopic_edge::{
     Board, Phase, Streams,
     frame_file::{self, FrameFile},
@@ -23,7 +23,7 @@ impl Board for Semihosted {
     type Output = HostFile;
     type Error = FirmwareError;
 
-    fn frames(&mut self, search: &Search) -> Result<Streams<HostFile>, FirmwareError> {
+    fn frames(&mut self, search: &SearchSpace) -> Result<Streams<HostFile>, FirmwareError> {
         let expected = (search.width() * search.height()) as u64;
         Streams::open(search.views(), |frame: Frame| {
             let cannot_open = |error| FirmwareError::Frame(frame, error);

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use embedded_hal::digital::PinState;
-use multiscopic_core::{Params, SearchConfig, capture::Policy, kernel::Dsp};
+use multiscopic_core::{BlockMatchingParams, SearchConfig, capture::Policy, kernel::Dsp};
 use multiscopic_drivers::{
     hm01b0::{Configuration, Size},
     stepper::Axis,
@@ -49,7 +49,7 @@ const SIZE: Size = CONFIGURATION.size;
 const SEARCH: SearchConfig =
     SearchConfig { num_disparities: 32, ..SearchConfig::of_size(SIZE.width() as u16, SIZE.height() as u16) };
 /// The match of the profile `qvga`: four views, 32 disparities, blocks of 11x11 pixels.
-pub const PARAMS: Params = match SEARCH.block_matching(11) {
+pub const PARAMS: BlockMatchingParams = match SEARCH.block_matching(11) {
     Ok(params) => params,
     Err(_) => panic!("the parameters are out of range: see SearchConfig"),
 };

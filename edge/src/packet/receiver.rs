@@ -48,11 +48,11 @@ mod tests {
 
     use super::*;
     use crate::packet::{Packet, Sender, buffer_bytes};
-    use multiscopic_core::{Params, Region, SearchConfig};
+    use multiscopic_core::{BlockMatchingParams, Region, SearchConfig};
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(8, 4) };
-    const PARAMS: Params = match SEARCH.block_matching(3) {
+    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

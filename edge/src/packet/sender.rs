@@ -1,7 +1,7 @@
 //! Encodes packets.
 
 use core::{error, fmt};
-use multiscopic_core::{Disparity, Region, Search};
+use multiscopic_core::{Disparity, Region, SearchSpace};
 
 use super::format::{CHECKSUM_BYTES, Content, Header, MAGIC, MAX_HEADER_BYTES, VERSION, checksum, encode, max_encoded_bytes};
 
@@ -43,7 +43,7 @@ pub struct Sender<'b> {
 impl<'b> Sender<'b> {
     /// A sender for a frame of the size in `search`. The buffer needs [`buffer_bytes`] of the widest
     /// line, or [`buffer_bytes_with_confidences`].
-    pub fn new(search: &Search, buffer: &'b mut [u8]) -> Sender<'b> {
+    pub fn new(search: &SearchSpace, buffer: &'b mut [u8]) -> Sender<'b> {
         Sender { buffer, width: search.width() as u16, height: search.height() as u16, sequence: 0 }
     }
 
@@ -133,12 +133,12 @@ mod tests {
 
     use super::*;
     use crate::packet::Packet;
-    use multiscopic_core::Params;
+    use multiscopic_core::BlockMatchingParams;
     use multiscopic_core::SearchConfig;
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(700, 20) };
-    const PARAMS: Params = match SEARCH.block_matching(3) {
+    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

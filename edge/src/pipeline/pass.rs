@@ -3,7 +3,7 @@
 use core::marker::PhantomData;
 use embedded_io::Write;
 use multiscopic_core::{
-    ConfidenceLines, ConfidenceTable, Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Region, ScanlineSource, Search,
+    ConfidenceLines, ConfidenceTable, Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Region, ScanlineSource, SearchSpace,
     kernel::{Isa, Kernel},
 };
 
@@ -25,7 +25,7 @@ impl<'w, I: Isa> Confidences<'w, I> {
     /// Takes the first of `words`, and returns the others too.
     pub fn new(
         isa: I,
-        search: &Search,
+        search: &SearchSpace,
         table: &'static ConfidenceTable,
         words: &'w mut [u32],
     ) -> Result<(Confidences<'w, I>, &'w mut [u32]), MemoryTooSmall> {

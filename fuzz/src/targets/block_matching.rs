@@ -2,7 +2,7 @@
 
 use arbitrary::{Arbitrary, Unstructured};
 use multiscopic::stereo::Task;
-use multiscopic_core::{Params, Region, kernel::Kernel};
+use multiscopic_core::{BlockMatchingParams, Region, kernel::Kernel};
 use multiscopic_tests::{
     reference::raw16,
     split_mix::Random,
@@ -19,7 +19,7 @@ use crate::{
 
 /// A match of the core in a part of the frame: disparities and peak ratios.
 struct Match<'a> {
-    params: &'a Params,
+    params: &'a BlockMatchingParams,
     region: &'a Region,
     images: &'a ViewSet,
     seed: u64,

@@ -2,7 +2,9 @@
 
 use std::convert::Infallible;
 
-use multiscopic_core::{Disparity, Frame, Gradients, Matcher, Memory, Params, Region, ScanlineSource, Search, kernel::Kernel};
+use multiscopic_core::{
+    BlockMatchingParams, Disparity, Frame, Gradients, Matcher, Memory, Region, ScanlineSource, SearchSpace, kernel::Kernel,
+};
 use rayon::prelude::*;
 
 use crate::{
@@ -70,7 +72,7 @@ impl Engine {
     }
 
     /// The vector instructions for a search.
-    pub fn simd(&self, search: &Search) -> Simd {
+    pub fn simd(&self, search: &SearchSpace) -> Simd {
         self.simd.unwrap_or_else(|| Simd::fastest(search.num_disparities()))
     }
 
@@ -83,7 +85,7 @@ impl Engine {
     ///
     /// # Errors
     /// [`EngineError::FrameSize`] or [`EngineError::MissingFrame`].
-    pub fn check(&self, frames: &Planes<'_>, search: &Search) -> Result<(), EngineError> {
+    pub fn check(&self, frames: &Planes<'_>, search: &SearchSpace) -> Result<(), EngineError> {
         check_size(frames, search)?;
         check_frames(frames, search.views().iter().map(Frame::View))
     }
@@ -96,7 +98,7 @@ impl Engine {
     pub fn disparities(
         &self,
         frames: &Planes<'_>,
-        params: &Params,
+        params: &BlockMatchingParams,
         line_done: &(dyn Fn() + Sync),
     ) -> Result<DisparityMap, EngineError> {
         self.run(Input { frames, prior: None }, params, None, line_done)
@@ -109,7 +111,7 @@ impl Engine {
     pub fn disparities_and_peaks(
         &self,
         frames: &Planes<'_>,
-        params: &Params,
+        params: &BlockMatchingParams,
         line_done: &(dyn Fn() + Sync),
     ) -> Result<(DisparityMap, Raster<u8>), EngineError> {
         let mut peaks = Raster::filled(params.width(), params.height(), 0);
@@ -125,7 +127,7 @@ impl Engine {
         &self,
         frames: &Planes<'_>,
         prior: &DisparityMap,
-        params: &Params,
+        params: &BlockMatchingParams,
         line_done: &(dyn Fn() + Sync),
     ) -> Result<DisparityMap, EngineError> {
         let (of_prior, of_frames) = ([prior.width(), prior.height()], frames.size());
@@ -138,7 +140,7 @@ impl Engine {
     fn run(
         &self,
         input: Input<'_>,
-        params: &Params,
+        params: &BlockMatchingParams,
         peaks: Option<&mut Raster<u8>>,
         line_done: &(dyn Fn() + Sync),
     ) -> Result<DisparityMap, EngineError> {
@@ -173,7 +175,7 @@ impl Default for Engine {
 }
 
 /// Checks that `frames` have the size of `search`.
-fn check_size(frames: &Planes<'_>, search: &Search) -> Result<(), EngineError> {
+fn check_size(frames: &Planes<'_>, search: &SearchSpace) -> Result<(), EngineError> {
     let (frames, search) = (frames.size(), [search.width(), search.height()]);
     if frames != search { Err(EngineError::FrameSize { frames, search }) } else { Ok(()) }
 }
@@ -216,7 +218,7 @@ impl ScanlineSource for Input<'_> {
 /// Matches a band of the input into `out`, its lines, by column tiles.
 struct MatchBand<'a> {
     input: Input<'a>,
-    params: &'a Params,
+    params: &'a BlockMatchingParams,
     band: &'a Region,
     out: &'a mut [Option<Disparity>],
     /// The peak ratios of its lines, if they are asked for.
@@ -259,7 +261,7 @@ impl Task for MatchBand<'_> {
 ///
 /// A tile's running sums stay in the second-level cache. A narrow one would gain nothing, since it has a block's width of
 /// sums that its neighbour has too.
-fn tile_width(params: &Params, bytes: usize) -> usize {
+fn tile_width(params: &BlockMatchingParams, bytes: usize) -> usize {
     const CACHE: usize = 1 << 20;
     params.width().div_ceil(bytes.div_ceil(CACHE)).max(16 * params.block_size()).min(params.width())
 }

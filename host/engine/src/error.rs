@@ -43,7 +43,7 @@ pub enum EngineError {
     },
     /// A matching parameter is out of range.
     #[error(transparent)]
-    Params(#[from] ParamsError),
+    BlockMatchingParams(#[from] ParamsError),
     /// A file has the weights of another network.
     #[error("{0}")]
     Weights(WeightError),

@@ -5,7 +5,7 @@
 
 use std::{convert::Infallible, iter, time::Duration};
 
-use multiscopic_core::{Frame, Fusion, Rewind, ScanlineSource, Search, View, Views};
+use multiscopic_core::{Frame, Fusion, Rewind, ScanlineSource, SearchSpace, View, Views};
 use multiscopic_edge::{Board, Phase, Pipeline, Profile, Streams, StreamsError, Wide};
 
 use crate::{planes::Planes, simd::Baseline};
@@ -93,7 +93,7 @@ impl<'a> Board for SimulatedBoard<'a> {
     type Output = Vec<u8>;
     type Error = SimulationError;
 
-    fn frames(&mut self, search: &Search) -> Result<CountedStreams<'a>, SimulationError> {
+    fn frames(&mut self, search: &SearchSpace) -> Result<CountedStreams<'a>, SimulationError> {
         let (frames, views) = (self.frames, search.views());
         if let Some(view) = views.iter().find(|&view| frames.get(Frame::View(view)).is_none()) {
             return Err(SimulationError::MissingView { view });

@@ -1,6 +1,6 @@
 //! Winner-takes-all: each pixel takes the disparity of least cost.
 
-use multiscopic_core::{Disparity, Search};
+use multiscopic_core::{Disparity, SearchSpace};
 use rayon::prelude::*;
 
 use crate::{
@@ -49,14 +49,14 @@ pub fn collect<C: Cost>(rows: &dyn CostRows<Cost = C>, engine: &Engine, progress
 
 impl<C: Cost> Volume<C> {
     /// The disparities of least cost, by the rules of [`disparity`].
-    pub fn disparities(&self, search: &Search) -> DisparityMap {
+    pub fn disparities(&self, search: &SearchSpace) -> DisparityMap {
         let row = |v: usize| (0..self.width()).map(move |u| disparity(search, self.pixel(u, v)));
         let pixels: Vec<Vec<_>> = (0..self.height()).into_par_iter().map(|v| row(v).collect()).collect();
         Raster::new(self.width(), self.height(), pixels.concat())
     }
 
     /// The [grades](peak) of the costs.
-    pub fn peaks(&self, search: &Search, unit: C) -> Raster<u8> {
+    pub fn peaks(&self, search: &SearchSpace, unit: C) -> Raster<u8> {
         let row = |v: usize| (0..self.width()).map(move |u| peak(search, self.pixel(u, v), unit));
         let pixels: Vec<Vec<_>> = (0..self.height()).into_par_iter().map(|v| row(v).collect()).collect();
         Raster::new(self.width(), self.height(), pixels.concat())
@@ -69,14 +69,14 @@ impl<C: Cost> Volume<C> {
 /// The existing candidate of least cost wins; ties go to the smallest disparity. It is refined to the vertex
 /// of the parabola through its neighbours if both are in range and exist. These are the core's rules.
 #[inline(always)]
-pub fn disparity<C: Cost>(search: &Search, costs: &[C]) -> Option<Disparity> {
+pub fn disparity<C: Cost>(search: &SearchSpace, costs: &[C]) -> Option<Disparity> {
     disparity_refined_by(search, costs, C::refine)
 }
 
 /// [`disparity`] with another refinement by the costs at `d - 1`, `d` and `d + 1`.
 #[inline(always)]
 pub fn disparity_refined_by<C: Cost>(
-    search: &Search,
+    search: &SearchSpace,
     costs: &[C],
     refine: impl Fn(i16, [C; 3]) -> Option<Disparity>,
 ) -> Option<Disparity> {
@@ -102,7 +102,7 @@ pub fn disparity_refined_by<C: Cost>(
 /// The grade of the peak ratio of a pixel by its `costs`, as [`disparity`] takes them. `unit` is the noise that is to be
 /// expected. It is 0 where there is no second candidate.
 #[inline(always)]
-pub fn peak<C: Cost>(search: &Search, costs: &[C], unit: C) -> u8 {
+pub fn peak<C: Cost>(search: &SearchSpace, costs: &[C], unit: C) -> u8 {
     let grade =
         |([least, second], index): ([C; 2], usize)| C::peak_ratio(least, second, unit).grade(index, search.num_disparities());
     best_two(search, costs).map_or(0, grade)
@@ -111,7 +111,7 @@ pub fn peak<C: Cost>(search: &Search, costs: &[C], unit: C) -> u8 {
 /// The least cost, and the least cost of the candidates more than a disparity away, with the index of the first; none if one of
 /// the two does not exist.
 #[inline(always)]
-pub fn best_two<C: Cost>(search: &Search, costs: &[C]) -> Option<([C; 2], usize)> {
+pub fn best_two<C: Cost>(search: &SearchSpace, costs: &[C]) -> Option<([C; 2], usize)> {
     let costs = &costs[..search.num_disparities()];
     let mut best = (C::NONE, 0);
     for (index, &cost) in costs.iter().enumerate() {

@@ -7,7 +7,7 @@ use multiscopic::{
     Dataset, Error, Method, Result,
     stereo::{MethodName, Pipeline},
 };
-use multiscopic_core::{Fusion, Search, Views};
+use multiscopic_core::{Fusion, SearchSpace, Views};
 
 use crate::{
     graph_cuts::GraphCutsOptions,
@@ -102,7 +102,7 @@ impl MatchingOptions {
     ///
     /// # Errors
     /// If a parameter is out of its range.
-    pub fn search(&self, size: [usize; 2], views: Views, default_range: (i16, u16)) -> Result<Search> {
+    pub fn search(&self, size: [usize; 2], views: Views, default_range: (i16, u16)) -> Result<SearchSpace> {
         let fusion = self.fusion.unwrap_or(Fusion::default_for(self.baselines.first(views).len()));
         self.search.search(size, views, Some(fusion), default_range)
     }

@@ -3,9 +3,9 @@
 use clap::Args;
 use multiscopic::{
     Error, Method, Result,
-    stereo::{LongBaselines, refinement::Median},
+    stereo::{BaselineRefinement, refinement::Median},
 };
-use multiscopic_core::{Fusion, Params, Search, SearchConfig, Views};
+use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, SearchSpace, Views};
 
 use crate::page_entry::{Entry, Unset, method};
 
@@ -73,7 +73,7 @@ impl SearchOptions {
         views: Views,
         fusion: Option<Fusion>,
         default_range: (i16, u16),
-    ) -> Result<Search> {
+    ) -> Result<SearchSpace> {
         let side = |length: usize| {
             u16::try_from(length).map_err(|_| Error::Usage(format!("a frame has a side of {length} pixels, the limit is 65535")))
         };
@@ -92,8 +92,8 @@ impl SearchOptions {
     ///
     /// # Errors
     /// If the block size is out of its range.
-    pub fn params(&self, search: Search) -> Result<Params> {
-        Ok(Params::block_matching(search, self.block_size.unwrap_or(Self::DEFAULT_BLOCK_SIZE))?)
+    pub fn params(&self, search: SearchSpace) -> Result<BlockMatchingParams> {
+        Ok(BlockMatchingParams::block_matching(search, self.block_size.unwrap_or(Self::DEFAULT_BLOCK_SIZE))?)
     }
 }
 
@@ -102,11 +102,11 @@ impl SearchOptions {
 #[command(next_help_heading = "Several baselines")]
 pub struct BaselineOptions {
     /// Number of disparities searched around the prior, in pixels of the longer baseline
-    #[arg(long, value_name = "N", default_value_t = LongBaselines::DEFAULT.num_disparities)]
+    #[arg(long, value_name = "N", default_value_t = BaselineRefinement::DEFAULT.num_disparities)]
     prior_disparities: u16,
 
     /// Size of the median filter of the prior, odd, from 3 to 31, or 0 for none
-    #[arg(long, value_name = "N", default_value_t = LongBaselines::DEFAULT.median.map_or(0, Median::size))]
+    #[arg(long, value_name = "N", default_value_t = BaselineRefinement::DEFAULT.median.map_or(0, Median::size))]
     prior_median: u8,
 
     /// Match all views together over the whole range, whatever their baselines
@@ -117,16 +117,16 @@ pub struct BaselineOptions {
 impl BaselineOptions {
     /// Returns those of `views` that are matched first: at the shortest baseline, unless all are matched together.
     pub fn first(&self, views: Views) -> Views {
-        if self.together { views } else { LongBaselines::shortest(views) }
+        if self.together { views } else { BaselineRefinement::shortest(views) }
     }
 
     /// Returns how views at longer baselines refine what those at the shortest found, or `None` to match all together.
     ///
     /// # Errors
     /// If the size of the median filter is out of its range.
-    pub fn long_baselines(&self) -> Result<Option<LongBaselines>> {
+    pub fn long_baselines(&self) -> Result<Option<BaselineRefinement>> {
         let median = if self.prior_median == 0 { None } else { Some(Median::new(self.prior_median)?) };
-        let long = LongBaselines { num_disparities: self.prior_disparities, median, ..LongBaselines::DEFAULT };
+        let long = BaselineRefinement { num_disparities: self.prior_disparities, median, ..BaselineRefinement::DEFAULT };
         Ok((!self.together).then_some(long))
     }
 }

@@ -13,7 +13,7 @@
 
 use std::{collections::BTreeMap, f64::consts::SQRT_2};
 
-use multiscopic_core::{Frame, Search, View, Views};
+use multiscopic_core::{Frame, SearchSpace, View, Views};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::{
@@ -94,7 +94,7 @@ impl Alignment {
     /// # Errors
     /// [`Error::Alignment`](crate::Error::Alignment) if a view has too few corners in common with the centre, or seems to be
     /// another one.
-    pub fn estimate(frames: &Frames, search: &Search, geometry: Option<&Geometry>) -> Result<Alignment> {
+    pub fn estimate(frames: &Frames, search: &SearchSpace, geometry: Option<&Geometry>) -> Result<Alignment> {
         let size = frames.size();
         let source = geometry.map_or_else(
             || Pinhole {

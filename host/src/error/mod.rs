@@ -108,7 +108,7 @@ pub enum Error {
     },
     /// A matching parameter is out of range.
     #[error(transparent)]
-    Params(#[from] ParamsError),
+    BlockMatchingParams(#[from] ParamsError),
     /// The engine refuses the frames or its threads.
     #[error(transparent)]
     Engine(EngineError),
@@ -138,7 +138,7 @@ impl From<SimulationError> for Error {
 impl From<EngineError> for Error {
     fn from(error: EngineError) -> Error {
         match error {
-            EngineError::Params(error) => Error::Params(error),
+            EngineError::BlockMatchingParams(error) => Error::BlockMatchingParams(error),
             error => Error::Engine(error),
         }
     }

@@ -1,6 +1,6 @@
 //! The refinement of disparities from short baselines by views at longer ones.
 
-use multiscopic_core::{Fusion, Params, Search, SearchConfig, View, Views};
+use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, SearchSpace, View, Views};
 
 use super::{Engine, refinement::Median};
 use crate::{
@@ -10,24 +10,25 @@ use crate::{
 };
 
 /// Refines the disparities found at the shortest baseline by views at longer ones: block matching of gradients around these
-/// disparities, as [`Params::around`] defines it.
+/// disparities, as [`BlockMatchingParams::around`] defines it.
 ///
 /// Long baselines are precise but hard to match, short ones easy. A long view is searched only a few of its pixels around
 /// the multiple of the disparity that the short views found, and the result is in fractions of their pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LongBaselines {
+pub struct BaselineRefinement {
     /// The number of disparities searched around those of the short views, in pixels of the long baseline.
     pub num_disparities: u16,
-    /// The side of the block in pixels, as [`Params`] has it.
+    /// The side of the block in pixels, as [`BlockMatchingParams`] has it.
     pub block_size: u8,
     /// The filter of the short views' disparities, before they are searched around: what they got wrong by more than
     /// the search around them, the long views cannot mend.
     pub median: Option<Median>,
 }
 
-impl LongBaselines {
+impl BaselineRefinement {
     /// Eight disparities, blocks of 11 pixels, and a median over 21.
-    pub const DEFAULT: LongBaselines = LongBaselines { num_disparities: 8, block_size: 11, median: Some(Median::of_radius(10)) };
+    pub const DEFAULT: BaselineRefinement =
+        BaselineRefinement { num_disparities: 8, block_size: 11, median: Some(Median::of_radius(10)) };
 
     /// The views by their baselines, the shortest first. Views in the centre's row and column are in the same set if they are
     /// the same multiple of a baseline away. Views elsewhere are an array: they, and those in the row and the column
@@ -49,7 +50,7 @@ impl LongBaselines {
 
     /// The views at the shortest baseline, which are matched first.
     pub fn shortest(views: Views) -> Views {
-        LongBaselines::sets(views).first().copied().unwrap_or_default()
+        BaselineRefinement::sets(views).first().copied().unwrap_or_default()
     }
 
     /// Refines `map`, which a match with `earlier` found, by the `sets` of views at longer baselines, in ascending order.
@@ -61,7 +62,7 @@ impl LongBaselines {
         &self,
         engine: &Engine,
         frames: &Frames,
-        earlier: &Search,
+        earlier: &SearchSpace,
         sets: &[Views],
         map: DisparityMap,
         progress: &dyn Progress,
@@ -76,7 +77,7 @@ impl LongBaselines {
             let fusion = Fusion::default_for(views.len());
             let (min_disparity, num_disparities) = (least, self.num_disparities);
             let search = SearchConfig { views, fusion, min_disparity, num_disparities, ..earlier.config() }.checked()?;
-            let params = Params::block_matching(search, self.block_size)?.around(earlier);
+            let params = BlockMatchingParams::block_matching(search, self.block_size)?.around(earlier);
             progress.begin(search.height() as u64, "lines");
             let found = engine.disparities_around(&frames.planes(), &prior, &params, &|| progress.advance(1))?;
             for ((refined, found), prior) in refined.pixels_mut().iter_mut().zip(found.pixels()).zip(prior.pixels()) {
@@ -111,7 +112,7 @@ impl LongBaselines {
             num_disparities: (most - least + 1) as u16,
         }
         .checked()?;
-        self.refine(engine, frames, &earlier, &LongBaselines::sets(frames.views()), prior, progress)
+        self.refine(engine, frames, &earlier, &BaselineRefinement::sets(frames.views()), prior, progress)
     }
 }
 
@@ -124,12 +125,12 @@ mod tests {
         let views = |offsets: &[(i8, i8)]| offsets.iter().filter_map(|(i, j)| View::new(*i, *j).ok()).collect::<Views>();
         let far = views(&[(4, 0), (-4, 0), (0, 4)]);
         let both = |views: Views, other: Views| views.iter().chain(other.iter()).collect::<Views>();
-        assert_eq!(LongBaselines::sets(far), [far]);
-        assert_eq!(LongBaselines::sets(both(Views::STEREO, far)), [Views::STEREO, far]);
-        assert_eq!(LongBaselines::sets(both(Views::ARRAY, far)), [Views::ARRAY, far]);
+        assert_eq!(BaselineRefinement::sets(far), [far]);
+        assert_eq!(BaselineRefinement::sets(both(Views::STEREO, far)), [Views::STEREO, far]);
+        assert_eq!(BaselineRefinement::sets(both(Views::ARRAY, far)), [Views::ARRAY, far]);
         // A row and a column within the array belong to it.
         let wide = views(&[(1, 0), (2, 0), (3, 0), (2, 1)]);
-        assert_eq!(LongBaselines::sets(wide), [views(&[(1, 0), (2, 0), (2, 1)]), views(&[(3, 0)])]);
-        assert_eq!(LongBaselines::sets(Views::NONE), []);
+        assert_eq!(BaselineRefinement::sets(wide), [views(&[(1, 0), (2, 0), (2, 1)]), views(&[(3, 0)])]);
+        assert_eq!(BaselineRefinement::sets(Views::NONE), []);
     }
 }

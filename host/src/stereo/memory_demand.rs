@@ -1,6 +1,6 @@
 //! The memory that a match takes.
 
-use multiscopic_core::{Frame, Search};
+use multiscopic_core::{Frame, SearchSpace};
 
 use super::{
     Engine, Paths,
@@ -15,7 +15,7 @@ impl Method {
     ///
     /// Of graph cuts it is counted. Of others it is a line through what the program took at up to eight views and 64
     /// disparities, rounded up: up to twice as much, or a little more if no image has colors.
-    pub fn bytes(&self, search: &Search, frames: &Frames) -> u64 {
+    pub fn bytes(&self, search: &SearchSpace, frames: &Frames) -> u64 {
         let (pixels, views, disparities) = (search.width() * search.height(), search.views().len(), search.num_disparities());
         // Costs are kept in whole vectors.
         let lanes = disparities.next_multiple_of(32) as f64;
@@ -46,14 +46,14 @@ impl Method {
     }
 
     /// The bands that the network is computed in: none if it fits at once into the memory that the engine may take.
-    pub(super) fn bands(&self, search: &Search, frames: &Frames, engine: &Engine) -> Option<Bands> {
+    pub(super) fn bands(&self, search: &SearchSpace, frames: &Frames, engine: &Engine) -> Option<Bands> {
         let most = engine.most_bytes().filter(|&most| self.bytes(search, frames) > most)?;
         let is_network = matches!(self.pipeline, Pipeline::Network(_)) && search.check_views().is_ok();
         Bands::within(most.saturating_sub(image_bytes(search)), search).filter(|_| is_network)
     }
 
     /// Estimates [`bytes`](Method::bytes), in bands if the network does not fit at once.
-    pub(super) fn least_bytes(&self, search: &Search, frames: &Frames, engine: &Engine) -> u64 {
+    pub(super) fn least_bytes(&self, search: &SearchSpace, frames: &Frames, engine: &Engine) -> u64 {
         match self.bands(search, frames, engine) {
             Some(bands) => image_bytes(search) + bands.bytes(search),
             None => self.bytes(search, frames),
@@ -62,6 +62,6 @@ impl Method {
 }
 
 /// The bytes of the images and of the result.
-fn image_bytes(search: &Search) -> u64 {
+fn image_bytes(search: &SearchSpace) -> u64 {
     (search.width() * search.height() * (14 + 4 * (search.views().len() + 1))) as u64
 }

@@ -2,12 +2,12 @@
 
 use std::ops::RangeInclusive;
 
-use multiscopic_core::{Census, ConfidenceTable, Frame, Params, Search, SemiGlobalCost, Views};
+use multiscopic_core::{BlockMatchingParams, Census, ConfidenceTable, Frame, SearchSpace, SemiGlobalCost, Views};
 
 use super::{
     Engine, SemiGlobal,
     aggregation::{Aggregation, CrossBased},
-    baselines::LongBaselines,
+    baselines::BaselineRefinement,
     confidence_map::{self, ConfidenceMap},
     cost::{
         BirchfieldTomasi, BlockRows, CensusPairRows, CensusRows, CostRows, SadRows, Volume,
@@ -52,7 +52,7 @@ pub struct Method {
     /// The checks and filters of the disparities that the pipeline finds.
     pub refinement: Refinement,
     /// The refinement by views at longer baselines than the shortest. `None` matches all views together.
-    pub long_baselines: Option<LongBaselines>,
+    pub long_baselines: Option<BaselineRefinement>,
 }
 
 /// The steps from images to disparities: a matching cost, and an optimizer that selects disparities by it.
@@ -62,7 +62,7 @@ pub struct Method {
 pub enum Pipeline {
     /// `bm`: the least sum of absolute differences over a block, by the core's [`Matcher`](multiscopic_core::Matcher).
     BlockMatching {
-        /// The side of the block in pixels: see [`Params`].
+        /// The side of the block in pixels: see [`BlockMatchingParams`].
         block_size: u8,
     },
     /// `sgm`: the least sum of costs along paths.
@@ -116,7 +116,12 @@ impl CostFunction {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn rows<'a>(self, frames: &Frames, search: &'a Search, engine: &Engine) -> Result<Box<dyn CostRows<Cost = u8> + 'a>> {
+    pub fn rows<'a>(
+        self,
+        frames: &Frames,
+        search: &'a SearchSpace,
+        engine: &Engine,
+    ) -> Result<Box<dyn CostRows<Cost = u8> + 'a>> {
         let planes = &frames.planes();
         Ok(match self {
             CostFunction::Sad { block_size } => Box::new(SadRows::new(engine, planes, search, block_size)?),
@@ -142,7 +147,7 @@ impl Method {
 
     /// A method without refinement, by which views at longer baselines refine what those at the shortest find.
     pub fn new(pipeline: Pipeline) -> Method {
-        Method { pipeline, refinement: Refinement::NONE, long_baselines: Some(LongBaselines::DEFAULT) }
+        Method { pipeline, refinement: Refinement::NONE, long_baselines: Some(BaselineRefinement::DEFAULT) }
     }
 
     /// Block matching with blocks of `block_size` x `block_size` pixels.
@@ -215,7 +220,7 @@ impl Method {
         &self,
         engine: &Engine,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         if self.refinement.needs_confidences() {
@@ -233,7 +238,7 @@ impl Method {
         &self,
         engine: &Engine,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
         progress: &dyn Progress,
     ) -> Result<(DisparityMap, ConfidenceMap)> {
         let (map, evidence) = self.disparities_and_evidence(engine, frames, search, progress)?;
@@ -253,7 +258,7 @@ impl Method {
         &self,
         engine: &Engine,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
         progress: &dyn Progress,
     ) -> Result<(DisparityMap, Raster<u8>)> {
         let mut evidence = Raster::filled(search.width(), search.height(), 0);
@@ -278,7 +283,7 @@ impl Method {
         &self,
         engine: &Engine,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
         evidence: Option<&mut Raster<u8>>,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
@@ -289,7 +294,7 @@ impl Method {
             engine.most_bytes(),
             "match fewer disparities or smaller images",
         )?;
-        let sets = LongBaselines::sets(search.views());
+        let sets = BaselineRefinement::sets(search.views());
         let map = match (self.long_baselines, &sets[..]) {
             (Some(long_baselines), [shortest, longer @ ..]) if !longer.is_empty() => {
                 let search = search.with_views(*shortest)?;
@@ -305,7 +310,7 @@ impl Method {
     /// applies the sub-pixel step of the refinement, if it has one. Nothing else of the method counts.
     ///
     /// # Errors
-    /// Those of [`LongBaselines::refine_prior`].
+    /// Those of [`BaselineRefinement::refine_prior`].
     pub fn disparities_around(
         &self,
         engine: &Engine,
@@ -313,7 +318,7 @@ impl Method {
         prior: DisparityMap,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
-        let long_baselines = self.long_baselines.unwrap_or(LongBaselines::DEFAULT);
+        let long_baselines = self.long_baselines.unwrap_or(BaselineRefinement::DEFAULT);
         let map = long_baselines.refine_prior(engine, frames, prior, progress)?;
         let range = map.whole_range().unwrap_or(0..=0);
         Ok(self.with_sub_pixels(engine, frames, frames.views(), range, map))
@@ -337,7 +342,7 @@ impl Method {
         &self,
         engine: &Engine,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
         evidence: Option<&mut Raster<u8>>,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
@@ -408,7 +413,7 @@ impl Method {
         block_size: u8,
         engine: &Engine,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
         evidence: Option<&mut Raster<u8>>,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
@@ -427,7 +432,7 @@ impl Method {
             return Ok(map);
         }
         progress.begin(search.height() as u64, "lines");
-        let params = Params::block_matching(*search, block_size)?.with_uniqueness_ratio(self.refinement.uniqueness);
+        let params = BlockMatchingParams::block_matching(*search, block_size)?.with_uniqueness_ratio(self.refinement.uniqueness);
         let (planes, line_done) = (&frames.planes(), &|| progress.advance(1));
         match evidence {
             Some(evidence) => {
@@ -447,7 +452,7 @@ impl Method {
         aggregation: Aggregation,
         penalties: Penalties,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
         progress: &dyn Progress,
     ) -> DisparityMap {
         let image = |frame| mccnn::Input::new(frames.get(frame).expect("the frames were checked")).to_raster();

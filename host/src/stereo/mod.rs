@@ -15,7 +15,7 @@
 //! | [`optimization`] | the selection of disparities by their costs |
 //! | [`refinement`] | checks and filters of the disparities |
 //! | [`confidence_map`] | the probabilities that disparities are right |
-//! | [`LongBaselines`] | the refinement by views at longer baselines |
+//! | [`BaselineRefinement`] | the refinement by views at longer baselines |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
 //! | [`Method`] | a [`Pipeline`] of these steps, and its [`Refinement`] |
 //! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
@@ -38,7 +38,7 @@ pub use multiscopic_engine::{
     sgm::{Paths, SemiGlobal},
 };
 
-pub use baselines::LongBaselines;
+pub use baselines::BaselineRefinement;
 pub use cost::Volume;
 pub use method::{CostFunction, Method, Pipeline};
 pub use method_name::MethodName;

@@ -1,6 +1,6 @@
 //! The RAM that a match takes on a microcontroller, buffer by buffer.
 
-use multiscopic_core::Params;
+use multiscopic_core::BlockMatchingParams;
 use multiscopic_edge::{Lengths, Matching};
 
 use super::processor::Processor;
@@ -84,7 +84,7 @@ impl Ram {
 
 /// The widest column tiles that fit into `limit` bytes of RAM, among those that divide the frame about
 /// evenly. `None` if not even tiles of one column fit.
-pub fn widest_tile(params: &Params, processor: Processor, limit: usize) -> Option<usize> {
+pub fn widest_tile(params: &BlockMatchingParams, processor: Processor, limit: usize) -> Option<usize> {
     let widths = (1..=params.width()).map(|tiles| params.width().div_ceil(tiles));
     let ram = |tile_width| Ram::new(&Matching::Blocks { params: *params, tile_width }, processor);
     widths.into_iter().find(|&width| ram(width).bytes() <= limit)

@@ -2,7 +2,7 @@
 
 use std::{env, str::FromStr, time::SystemTime};
 
-use multiscopic_core::{Params, PathPenalties, Views};
+use multiscopic_core::{BlockMatchingParams, PathPenalties, Views};
 use proptest::{
     prelude::*,
     test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
@@ -147,7 +147,7 @@ impl Case {
     }
 
     /// The parameters in the core's types.
-    pub fn params(&self) -> Params {
+    pub fn params(&self) -> BlockMatchingParams {
         let search = (self.min_disparity, self.num_disparities);
         params_in(self.width, self.height, views(self.views, &self.others), self.fusion, search, self.block_size)
     }

@@ -3,8 +3,8 @@
 use std::{convert::Infallible, ops::Range};
 
 use multiscopic_core::{
-    Census, Disparity, Fusion as CoreFusion, MatchError, Matcher, Memory, Params, PathPenalties, Region, SearchConfig,
-    SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views, kernel::Kernel,
+    BlockMatchingParams, Census, Disparity, Fusion as CoreFusion, MatchError, Matcher, Memory, PathPenalties, Region,
+    SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views, kernel::Kernel,
 };
 
 use crate::{
@@ -28,7 +28,7 @@ pub fn params(
     min_disparity: i32,
     num_disparities: i32,
     block_size: i32,
-) -> Params {
+) -> BlockMatchingParams {
     params_in(width, height, self::views(views, &[]), fusion, (min_disparity, num_disparities), block_size)
 }
 
@@ -47,7 +47,7 @@ pub fn params_in(
     fusion: Fusion,
     (min_disparity, num_disparities): (i32, i32),
     block_size: i32,
-) -> Params {
+) -> BlockMatchingParams {
     let fusion = match fusion {
         Fusion::Min => CoreFusion::Min,
         Fusion::Mean => CoreFusion::Mean,
@@ -120,7 +120,7 @@ fn all_lines<'a>(
 
 /// The core's disparities in a region, in the 16-bit encoding. The source is strict; the memory has exactly
 /// the required length and is filled with random words.
-pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &ViewSet, random: &mut Random) -> Vec<u16>
+pub fn matched<I>(isa: I, params: &BlockMatchingParams, region: &Region, images: &ViewSet, random: &mut Random) -> Vec<u16>
 where
     I: Kernel,
 {
@@ -130,7 +130,7 @@ where
 /// [`matched`], which appends the peak ratios to `peaks`, if they are asked for.
 pub fn matched_with_peaks<I>(
     isa: I,
-    params: &Params,
+    params: &BlockMatchingParams,
     region: &Region,
     images: &ViewSet,
     random: &mut Random,

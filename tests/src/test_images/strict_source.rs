@@ -1,6 +1,6 @@
 //! A source of scanlines that holds the matcher to its contract.
 
-use multiscopic_core::{Frame, Params, Region, ScanlineSource, Search, SemiGlobalParams, View};
+use multiscopic_core::{BlockMatchingParams, Frame, Region, ScanlineSource, SearchSpace, SemiGlobalParams, View};
 
 use crate::test_images::view_set::{ViewSet, view_at};
 
@@ -9,11 +9,11 @@ pub const FRAMES: [Frame; 5] =
     [Frame::Center, Frame::View(View::LEFT), Frame::View(View::RIGHT), Frame::View(View::TOP), Frame::View(View::BOTTOM)];
 
 /// A source that panics unless each line of each frame is requested once, in ascending order, and never
-/// further ahead than [`Params::lead`] or [`SemiGlobalParams::lead`] allows.
+/// further ahead than [`BlockMatchingParams::lead`] or [`SemiGlobalParams::lead`] allows.
 #[derive(Debug)]
 pub struct StrictSource<'a> {
     images: &'a ViewSet,
-    search: Search,
+    search: SearchSpace,
     region: Region,
     /// The frames, and how many lines past its own a disparity line needs of each.
     leads: Vec<(Frame, i32)>,
@@ -25,7 +25,7 @@ pub struct StrictSource<'a> {
 
 impl<'a> StrictSource<'a> {
     /// A source for one pass over `region`.
-    pub fn new(images: &'a ViewSet, params: &Params, region: &Region) -> StrictSource<'a> {
+    pub fn new(images: &'a ViewSet, params: &BlockMatchingParams, region: &Region) -> StrictSource<'a> {
         StrictSource::with_leads(images, params.search(), region, |frame| params.lead(frame))
     }
 
@@ -34,7 +34,7 @@ impl<'a> StrictSource<'a> {
         StrictSource::with_leads(images, params.search(), &Region::whole(params.search()), |frame| params.lead(frame))
     }
 
-    fn with_leads(images: &'a ViewSet, search: &Search, region: &Region, lead: impl Fn(Frame) -> i32) -> StrictSource<'a> {
+    fn with_leads(images: &'a ViewSet, search: &SearchSpace, region: &Region, lead: impl Fn(Frame) -> i32) -> StrictSource<'a> {
         let others = images.others.iter().map(|(offset, _)| Frame::View(view_at(*offset)));
         let leads: Vec<(Frame, i32)> = FRAMES.into_iter().chain(others).map(|frame| (frame, lead(frame))).collect();
         StrictSource { images, search: *search, region: *region, next: vec![None; leads.len()], leads, done: 0 }

@@ -8,7 +8,7 @@ use std::{
 
 use multiscopic::Engine;
 use multiscopic_core::{
-    Params, Region,
+    BlockMatchingParams, Region,
     kernel::{Kernel, Portable},
 };
 use multiscopic_tests::{
@@ -26,7 +26,7 @@ use multiscopic_tests::{
 #[derive(Clone, Copy)]
 struct Matched<'a> {
     wants_peaks: bool,
-    params: &'a Params,
+    params: &'a BlockMatchingParams,
     images: &'a ViewSet,
 }
 

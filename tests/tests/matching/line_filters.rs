@@ -6,7 +6,7 @@ use multiscopic::{
 };
 use multiscopic_core::{
     ConfidenceLines, ConfidenceTable, Disparity, Frame, Fusion, MatchError, Matcher, MedianLines, ScanlineSource, SearchConfig,
-    TextureLines, View, Views, keep_sure,
+    TextureLines, View, Views, filter_by_confidence,
 };
 use multiscopic_tests::{
     reference::{confidence, medians, texture},
@@ -139,7 +139,7 @@ fn textures_equal_the_definition_and_the_hosts() {
         let mut found = Vec::new();
         loop {
             let done = lines.next_line(
-                |center, line, peaks| matcher.next_line_and_peaks(&mut center.seen_in(&mut source), line, peaks),
+                |center, line, peaks| matcher.next_line_and_peaks(&mut center.observe(&mut source), line, peaks),
                 &mut line,
                 &mut peaks,
             );
@@ -282,7 +282,7 @@ fn filters_form_a_chain() {
     for v in 0..height {
         let median = |line: &mut [Option<Disparity>], peaks: &mut [u8]| median_lines.next_line(&mut matched, line, peaks);
         assert_eq!(lines.next_line(median, &mut disparities, &mut confidences), Ok(Some(v)));
-        keep_sure(150, &mut disparities, &mut confidences);
+        filter_by_confidence(150, &mut disparities, &mut confidences);
         for u in 0..width {
             let sure = confidence(&filtered, grades[v][u], &table.0, (u, v));
             let expected = if sure >= 150 { (filtered[v][u], sure) } else { (None, 0) };

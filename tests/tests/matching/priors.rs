@@ -5,7 +5,8 @@ use std::{cell::Cell, convert::Infallible};
 use image::GrayImage;
 use multiscopic::{DisparityMap, Frames};
 use multiscopic_core::{
-    Disparity, Frame, Gradients, Matcher, Memory, Params, Region, ScanlineSource, SearchConfig, View, Views, kernel::Portable,
+    BlockMatchingParams, Disparity, Frame, Gradients, Matcher, Memory, Region, ScanlineSource, SearchConfig, View, Views,
+    kernel::Portable,
 };
 use multiscopic_tests::{
     engines::engines,
@@ -75,7 +76,7 @@ impl Case {
         View::new((i * self.multiple) as i8, (j * self.multiple) as i8).expect("near enough")
     }
 
-    fn params(&self) -> Params {
+    fn params(&self) -> BlockMatchingParams {
         let views = self.views.iter().map(|(offset, _)| self.view(*offset)).collect();
         let params = params_in(self.width, self.height, views, self.fusion, self.search, self.block_size);
         let (least, most) = self.priors;

@@ -3,7 +3,8 @@
 //! Every match of `bit_exact` runs on a strict source too. These are the contract's limits.
 
 use multiscopic_core::{
-    Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, ScanlineSource, View, kernel::Portable,
+    BlockMatchingParams, Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Region, ScanlineSource, View,
+    kernel::Portable,
 };
 use multiscopic_tests::{
     reference::Fusion,
@@ -227,7 +228,7 @@ fn the_strict_source_refuses_a_repeated_line() {
 #[should_panic(expected = "View(left) is not one of the views")]
 fn the_strict_source_refuses_a_missing_view() {
     let case = Case { views: [false, true, true, true], ..CASE };
-    let (images, params): (_, Params) = (case.images(), case.params());
+    let (images, params): (_, BlockMatchingParams) = (case.images(), case.params());
     let mut source = StrictSource::new(&images, &params, &Region::whole(params.search()));
     let Ok(()) = source.read_line(Frame::View(View::LEFT), 0, &mut [0; 9]);
 }

@@ -9,7 +9,7 @@ use multiscopic::{
         optimization::edge_aware::{EdgeAware, Penalties},
     },
 };
-use multiscopic_core::{Disparity, Fusion, Search, SearchConfig, Views};
+use multiscopic_core::{Disparity, Fusion, SearchConfig, SearchSpace, Views};
 use multiscopic_tests::split_mix::Random;
 
 /// The shift of a pixel's match per pixel of disparity: left, right, top, bottom.
@@ -17,7 +17,7 @@ const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 /// A random problem: images, and costs where views are available.
 struct Problem {
-    search: Search,
+    search: SearchSpace,
     width: i32,
     height: i32,
     /// Flags for the four views that exist, and their images.

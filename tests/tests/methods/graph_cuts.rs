@@ -9,7 +9,7 @@ use multiscopic::{
         optimization::graph_cuts::{Energy, Label, Labelling, MaxFlow, OCCLUDED, Occlusion, Smoothness, Topology},
     },
 };
-use multiscopic_core::{Fusion, Search, SearchConfig, View, Views};
+use multiscopic_core::{Fusion, SearchConfig, SearchSpace, View, Views};
 use multiscopic_tests::{
     reference::{self, energy},
     split_mix::Random,
@@ -86,7 +86,7 @@ fn the_flow_equals_that_of_another_algorithm_and_its_cut() {
 struct Case {
     frames: Frames,
     method: GraphCuts,
-    search: Search,
+    search: SearchSpace,
     reference: energy::Energy,
 }
 

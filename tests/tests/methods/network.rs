@@ -13,7 +13,7 @@ use multiscopic::{
     },
 };
 use multiscopic_core::{
-    Disparity, Fusion as CoreFusion, Search, SearchConfig, View, Views,
+    Disparity, Fusion as CoreFusion, SearchConfig, SearchSpace, View, Views,
     network::{
         NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError, QuantizedOutput, TRAINED_WEIGHTS,
         WeightError,
@@ -69,7 +69,7 @@ fn random_inputs(random: &mut Random) -> NetworkInputs {
 }
 
 /// A search of the size of `inputs`. It has a disparity less where their number is even, since theirs may have been rounded up.
-fn search(inputs: &NetworkInputs, min_disparity: i16) -> Search {
+fn search(inputs: &NetworkInputs, min_disparity: i16) -> SearchSpace {
     let [width, height, count] = [inputs.width, inputs.height, inputs.count - i64::from(inputs.count % 2 == 0)].map(|n| n as u16);
     SearchConfig { width, height, views: Views::HORIZONTAL, fusion: CoreFusion::Min, min_disparity, num_disparities: count }
         .checked()
@@ -199,7 +199,7 @@ fn inputs_equal_the_reference() {
 }
 
 /// The disparities and confidences of the matcher for microcontrollers.
-fn in_bounded_memory(search: Search, weights: &[u8], mut frames: &Frames) -> Vec<(Option<Disparity>, u8)> {
+fn in_bounded_memory(search: SearchSpace, weights: &[u8], mut frames: &Frames) -> Vec<(Option<Disparity>, u8)> {
     let params = NetworkParams::new(search).expect("views in a row");
     // With any content.
     let mut memory = vec![0xa5a5_a5a5; params.memory::<Wide>().words()];

@@ -9,7 +9,7 @@ use multiscopic::{
         refinement::{Refinement, check_left_right},
     },
 };
-use multiscopic_core::{Census, Disparity, Fusion, Search, SearchConfig, View, Views};
+use multiscopic_core::{Census, Disparity, Fusion, SearchConfig, SearchSpace, View, Views};
 use multiscopic_tests::{
     reference::{
         self, energy, raw16,
@@ -140,7 +140,7 @@ fn what_does_not_go_together_is_refused() {
             .checked()
             .expect("in range")
     };
-    let message = |method: Method, search: Search| match method.disparities(&engine, &frames, &search, &()) {
+    let message = |method: Method, search: SearchSpace| match method.disparities(&engine, &frames, &search, &()) {
         Err(error) => error.to_string(),
         Ok(map) => panic!("{method:?}: {map:?}"),
     };

@@ -7,7 +7,7 @@ use multiscopic::{
     Engine, Frames, Method, SemiGlobal,
     stereo::{CostFunction, Pipeline},
 };
-use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, Search, SearchConfig, SemiGlobalCost, View};
+use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, SearchConfig, SearchSpace, SemiGlobalCost, View};
 use multiscopic_tests::{
     reference::{Fusion, raw16, semi_global::Cost},
     split_mix::Random,
@@ -37,7 +37,7 @@ fn images(case: usize, random: &mut Random) -> ViewSet {
 }
 
 /// The search in all views of `images`.
-fn search(images: &ViewSet, fusion: CoreFusion, min: i32, count: i32) -> Search {
+fn search(images: &ViewSet, fusion: CoreFusion, min: i32, count: i32) -> SearchSpace {
     let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
     assert!(offsets.iter().all(|&offset| images.view(view_at(offset)).is_some()));
     let set = views(images.views.each_ref().map(Option::is_some), &offsets);
@@ -54,7 +54,7 @@ fn search(images: &ViewSet, fusion: CoreFusion, min: i32, count: i32) -> Search 
 }
 
 /// The method's disparities in the 16-bit encoding.
-fn found(method: &Method, images: &ViewSet, search: &Search) -> Vec<u16> {
+fn found(method: &Method, images: &ViewSet, search: &SearchSpace) -> Vec<u16> {
     let engine = Engine::new(None, 2).expect("threads");
     let map = method.disparities(&engine, &images.frames(), search, &()).expect("the frames fit the search");
     map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect()

@@ -137,7 +137,7 @@ pub struct BackwardRun<'a, 'm> {
 
 /// A pixel to which all paths lead.
 #[derive(Clone, Copy, Debug)]
-pub struct Reached<'a> {
+pub struct PixelPaths<'a> {
     /// The column.
     pub column: usize,
     /// The matching costs.
@@ -189,7 +189,7 @@ pub trait RunLoops: PixelLoops {
     /// Extends the path from the right through a whole line, and hands over each pixel with its
     /// [winner](PixelLoops::winner), in any order.
     #[inline(always)]
-    fn extend_backward(self, paths: u16, run: BackwardRun<'_, '_>, reach: impl FnMut(Reached<'_>)) {
+    fn extend_backward(self, paths: u16, run: BackwardRun<'_, '_>, reach: impl FnMut(PixelPaths<'_>)) {
         backward_loop(self, paths, run, reach);
     }
 }
@@ -221,7 +221,7 @@ pub(in crate::kernel) fn backward_loop<I: PixelLoops>(
     isa: I,
     paths: u16,
     run: BackwardRun<'_, '_>,
-    mut reach: impl FnMut(Reached<'_>),
+    mut reach: impl FnMut(PixelPaths<'_>),
 ) {
     let BackwardRun { depth, costs, excess, along, penalties } = run;
     let pixels = costs.chunks_exact(depth.max(1)).zip(excess.chunks_exact_mut(depth.max(1)));
@@ -231,7 +231,7 @@ pub(in crate::kernel) fn backward_loop<I: PixelLoops>(
         isa.extend::<1, false>(as_vectors::<I>(costs), [from_right], penalties.p1, as_vectors_mut::<I>(excess));
         along.reverse();
         let winner = isa.winner(paths, as_vectors::<I>(costs), as_vectors::<I>(excess));
-        reach(Reached { column, costs, excess, winner });
+        reach(PixelPaths { column, costs, excess, winner });
     }
 }
 

@@ -5,7 +5,7 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `paths` | the recursion along the paths of semi-global matching, and a path along a line in registers: [`Slot`], [`Step`], [`Along`] |
+//! | `paths` | the recursion along the paths of semi-global matching, and a path along a line in registers: [`Slot`], [`Step`], [`LinePath`] |
 //! | `hamming` | matching costs by the census transform: [`Candidates`], [`hamming_run`] |
 //! | `loops` | the loops over the disparities of a pixel, and paths through many pixels: [`PixelLoops`], [`RunLoops`] |
 
@@ -17,10 +17,10 @@ use super::blocks::Blocks;
 #[cfg(target_arch = "arm")]
 pub(super) use hamming::hamming_loop;
 pub use hamming::{CandidateRun, Candidates, hamming_run};
-pub use loops::{BackwardRun, ForwardRun, Kernel, PixelLoops, Reached, RunLoops, RunPenalties};
+pub use loops::{BackwardRun, ForwardRun, Kernel, PixelLoops, PixelPaths, RunLoops, RunPenalties};
 #[cfg(target_arch = "arm")]
 pub(super) use loops::{backward_loop, forward_loop};
-pub use paths::{Along, Slot, Step};
+pub use paths::{LinePath, Slot, Step};
 
 /// A vector of costs in lanes of 8 bits. A candidate that does not exist has the cost 255.
 pub trait ByteVector: Copy {

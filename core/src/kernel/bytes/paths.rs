@@ -202,18 +202,18 @@ fn vector_at_mut<I: Bytes>(bytes: &mut [u8], start: usize) -> Option<&mut I::Sam
 
 /// A path along a line, up to a pixel, in `M` vectors.
 #[derive(Clone, Copy, Debug)]
-pub struct Along<I: Bytes, const M: usize> {
+pub struct LinePath<I: Bytes, const M: usize> {
     /// The path costs.
     costs: [I::Bytes; M],
     /// The least of them, in each lane.
     least: I::Bytes,
 }
 
-impl<I: Bytes, const M: usize> Along<I, M> {
+impl<I: Bytes, const M: usize> LinePath<I, M> {
     /// A path that begins: the costs of a [slot](super::Slot) without what is around them.
     #[inline(always)]
-    pub fn begin(isa: I, costs: &[u8]) -> Along<I, M> {
-        let mut path = Along { costs: [isa.splat_byte(u8::MAX); M], least: isa.splat_byte(0) };
+    pub fn begin(isa: I, costs: &[u8]) -> LinePath<I, M> {
+        let mut path = LinePath { costs: [isa.splat_byte(u8::MAX); M], least: isa.splat_byte(0) };
         for (vector, costs) in path.costs.iter_mut().zip(as_vectors::<I>(costs)) {
             *vector = isa.load_bytes(costs);
         }

@@ -13,7 +13,7 @@
 //! and columns alike, so that turning costs nothing and moves no data.
 
 use crate::{
-    Disparity, Fusion, MemoryTooSmall, Search, SemiGlobalParams,
+    Disparity, Fusion, MemoryTooSmall, SearchSpace, SemiGlobalParams,
     kernel::{Isa, Kernel},
     memory::{Lender, lent_bytes},
     network::{
@@ -35,7 +35,7 @@ pub type Excesses = [u8; 4];
 /// more memory than there is.
 #[derive(Debug)]
 pub struct FrameInputs<'m, 'f, I> {
-    search: Search,
+    search: SearchSpace,
     /// Disparities, rounded up to whole vectors.
     depth: usize,
     /// The grey values of the centre.
@@ -55,30 +55,30 @@ pub struct FrameInputs<'m, 'f, I> {
 }
 
 impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
-    const fn depth(search: &Search) -> usize {
+    const fn depth(search: &SearchSpace) -> usize {
         search.num_disparities().next_multiple_of(I::LANES)
     }
 
     /// Columns and rows of blocks.
-    pub const fn blocks(search: &Search) -> [usize; 2] {
+    pub const fn blocks(search: &SearchSpace) -> [usize; 2] {
         [padded_blocks(search.width()), padded_blocks(search.height())]
     }
 
     /// The bytes of the buffers, in their order, but for the costs.
-    const fn buffer_bytes(search: &Search) -> [usize; 5] {
+    const fn buffer_bytes(search: &SearchSpace) -> [usize; 5] {
         let (pixels, depth) = (search.width() * search.height(), Self::depth(search));
         let [columns, _] = Self::blocks(search);
         [2 * pixels, 3 * pixels, search.width() * depth, 2 * 2 * columns * depth, columns * depth]
     }
 
     /// The bytes of all [`Excesses`].
-    pub const fn excess_bytes(search: &Search) -> usize {
+    pub const fn excess_bytes(search: &SearchSpace) -> usize {
         let [columns, rows] = Self::blocks(search);
         size_of::<Excesses>() * columns * rows * search.num_disparities()
     }
 
     /// The bytes of memory that they take.
-    pub const fn bytes(search: &Search) -> usize {
+    pub const fn bytes(search: &SearchSpace) -> usize {
         let [winners, margins, line, sums, least] = Self::buffer_bytes(search);
         let mut bytes = 2 * lent_bytes::<I>(winners) + lent_bytes::<I>(margins) + lent_bytes::<I>(line);
         bytes += lent_bytes::<I>(sums) + lent_bytes::<I>(least);
@@ -92,7 +92,7 @@ impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
 
     /// Nothing is known yet. `frames` are the grey values of the centre and of the views in the order of the search, which has an
     /// even number of disparities.
-    pub fn new(isa: I, search: &Search, frames: &[&'f [u8]], memory: &mut Lender<'m>) -> Result<Self, MemoryTooSmall> {
+    pub fn new(isa: I, search: &SearchSpace, frames: &[&'f [u8]], memory: &mut Lender<'m>) -> Result<Self, MemoryTooSmall> {
         let [winners, margins, line, sums, least] = Self::buffer_bytes(search);
         let mut costs = |pair: CensusPair| {
             let words = memory.words(4 * CensusPairLines::<I>::memory_words(pair, search))?;

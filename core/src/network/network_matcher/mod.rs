@@ -46,9 +46,9 @@ mod volume_part;
 
 use core::{array, error, fmt};
 
-use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, channels::paired, two_looks};
+use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, channels::paired, fuse_rotations};
 use crate::{
-    Census, Disparity, Frame, Fusion, MemoryTooSmall, ScanlineSource, Search, SemiGlobalCost, SemiGlobalParams, Views,
+    Census, Disparity, Frame, Fusion, MemoryTooSmall, ScanlineSource, SearchSpace, SemiGlobalCost, SemiGlobalParams, Views,
     kernel::{Isa, Kernel},
     memory::{Lender, Memory, larger, lent_bytes},
     semi_global::EightPaths,
@@ -64,7 +64,7 @@ use volume_part::VolumePart;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct NetworkParams {
-    search: Search,
+    search: SearchSpace,
     /// The passes of semi-global matching, which search an even number of disparities.
     passes: SemiGlobalParams,
 }
@@ -91,7 +91,7 @@ impl NetworkParams {
     ///
     /// # Errors
     /// If a view is not in the centre's row of the array, or there are too many.
-    pub const fn new(search: Search) -> Result<NetworkParams, NetworkViewsError> {
+    pub const fn new(search: SearchSpace) -> Result<NetworkParams, NetworkViewsError> {
         let views = search.views();
         let mut k = 0;
         while let Some(view) = views.get(k) {
@@ -113,7 +113,7 @@ impl NetworkParams {
     }
 
     /// The search.
-    pub const fn search(&self) -> &Search {
+    pub const fn search(&self) -> &SearchSpace {
         &self.search
     }
 
@@ -319,7 +319,7 @@ impl<I: Kernel> NetworkMatcher<'_, '_, I> {
                 && v < height
                 && let Some(at) = disparities.get_mut(v * width + u).zip(confidences.get_mut(v * width + u))
             {
-                let (both, sure) = two_looks([*at.0, steps], [*at.1, confidence]);
+                let (both, sure) = fuse_rotations([*at.0, steps], [*at.1, confidence]);
                 (*at.0, *at.1) = (both.min(most), sure);
             }
         })

@@ -1,7 +1,7 @@
 //! Keeps frames until they are matched.
 
 use core::{error, fmt};
-use multiscopic_core::{Frame, Params, Rewind, ScanlineSource};
+use multiscopic_core::{BlockMatchingParams, Frame, Rewind, ScanlineSource};
 
 /// A store of whole frames: internal or external memory, flash, files.
 pub trait FrameStore: ScanlineSource {
@@ -16,12 +16,12 @@ pub trait FrameStore: ScanlineSource {
 /// [`Views`](multiscopic_core::Views).
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, Params, SearchConfig, Views};
+/// use multiscopic_core::{Frame, Fusion, BlockMatchingParams, SearchConfig, Views};
 /// use multiscopic_drivers::hm01b0::FrameMemory;
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-/// const PARAMS: Params = match SEARCH.block_matching(7) {
+/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -34,12 +34,12 @@ pub trait FrameStore: ScanlineSource {
 #[derive(Debug)]
 pub struct FrameMemory<'m> {
     pixels: &'m mut [u8],
-    params: Params,
+    params: BlockMatchingParams,
 }
 
 impl<'m> FrameMemory<'m> {
     /// A store for frames of the size in `params`. It holds as many as fit into `pixels`, one byte a pixel.
-    pub fn new(params: &Params, pixels: &'m mut [u8]) -> FrameMemory<'m> {
+    pub fn new(params: &BlockMatchingParams, pixels: &'m mut [u8]) -> FrameMemory<'m> {
         FrameMemory { pixels, params: *params }
     }
 

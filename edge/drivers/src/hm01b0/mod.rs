@@ -9,13 +9,13 @@
 //! use core::time::Duration;
 //! use embedded_hal::{delay::DelayNs, i2c::I2c};
 //! use multiscopic_core::{
-//!     Matcher, Params, SearchConfig,
+//!     Matcher, BlockMatchingParams, SearchConfig,
 //!     capture::{Camera, Plan, Policy, CaptureProgress, Sequence, Stage},
 //! };
 //! use multiscopic_drivers::hm01b0::{Configuration, FrameMemory, Gain, Hm01b0, LineReceiver, Size};
 //!
 //! const SEARCH: SearchConfig = SearchConfig { num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-//! const PARAMS: Params = match SEARCH.block_matching(7) {
+//! const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
 //!     Ok(params) => params,
 //!     Err(_) => panic!("the parameters are out of range"),
 //! };

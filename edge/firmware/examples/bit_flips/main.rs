@@ -15,7 +15,7 @@ mod watchdog;
 mod image {
     use core::{ffi::CStr, fmt::Display, hint, time::Duration};
     use embedded_io::Write;
-    use multiscopic_core::{Fusion, Params, Search};
+    use multiscopic_core::{BlockMatchingParams, Fusion, SearchSpace};
     use multiscopic_edge::{Board, Matching, Phase, Streams, Workspace, profile::QQVGA, workspace};
     use multiscopic_firmware::{BoardKernel, HostFile, Semihosted};
     use semihosting::{experimental::env, process};
@@ -23,7 +23,7 @@ mod image {
 
     use crate::watchdog;
 
-    const PARAMS: Params = match QQVGA.matching(Fusion::Min) {
+    const PARAMS: BlockMatchingParams = match QQVGA.matching(Fusion::Min) {
         Matching::Blocks { params, .. } => params,
         _ => panic!("the profile matches blocks"),
     };
@@ -37,7 +37,7 @@ mod image {
 
     static WORKSPACE: ConstStaticCell<Memory> = ConstStaticCell::new(Workspace::new());
     /// The parameters and their copy.
-    static PARAMETERS: ConstStaticCell<[Params; 2]> = ConstStaticCell::new([PARAMS; 2]);
+    static PARAMETERS: ConstStaticCell<[BlockMatchingParams; 2]> = ConstStaticCell::new([PARAMS; 2]);
 
     /// A board with a watchdog.
     struct Watched;
@@ -47,7 +47,7 @@ mod image {
         type Output = HostFile;
         type Error = <Semihosted as Board>::Error;
 
-        fn frames(&mut self, search: &Search) -> Result<Streams<HostFile>, Self::Error> {
+        fn frames(&mut self, search: &SearchSpace) -> Result<Streams<HostFile>, Self::Error> {
             Semihosted.frames(search)
         }
 
@@ -87,7 +87,7 @@ mod image {
 
     /// Matches the frames of the board and sends the packets. Returns true if all were sent, and logs the error otherwise.
     #[inline(never)]
-    fn match_frame(workspace: &mut Memory, params: &Params, packets: &CStr) -> bool {
+    fn match_frame(workspace: &mut Memory, params: &BlockMatchingParams, packets: &CStr) -> bool {
         let Some(mut frames) = logged(Watched.frames(params.search())) else { return false };
         let Some(mut output) = logged(HostFile::create(packets)) else { return false };
         let (kernel, pipeline) = (BoardKernel::default(), workspace.pipeline());

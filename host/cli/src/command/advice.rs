@@ -3,10 +3,10 @@
 #[cfg(feature = "calibration")]
 use multiscopic::calibration::{BoardMiss, LensCalibrationError};
 use multiscopic::{
-    DisparityMap, Error, Inspection, Preparation,
+    DisparityMap, Error, Inspection, MatchSetup,
     error::{MountingError, Warning},
 };
-use multiscopic_core::Search;
+use multiscopic_core::SearchSpace;
 
 /// The message of an error.
 pub fn error(error: &Error) -> String {
@@ -20,7 +20,7 @@ pub fn error(error: &Error) -> String {
 }
 
 /// The messages of the warnings after matching.
-pub fn warnings(preparation: &Preparation, disparities: &DisparityMap, search: &Search) -> Vec<String> {
+pub fn warnings(preparation: &MatchSetup, disparities: &DisparityMap, search: &SearchSpace) -> Vec<String> {
     preparation.warnings(disparities, search).iter().map(warning).collect()
 }
 

@@ -1,6 +1,6 @@
 //! The error over the number of views, and over the longest baseline; wrong pixels over the density.
 
-use multiscopic::{evaluation::Sparsification, stereo::LongBaselines};
+use multiscopic::{evaluation::Sparsification, stereo::BaselineRefinement};
 use multiscopic_core::{Fusion, Views};
 
 use super::{options::Named, variant::Variant};
@@ -60,11 +60,11 @@ impl Errors<'_> {
 
     /// One line for each method, fusion rule and set of views at the shortest baseline, through the sets of baselines.
     pub fn over_baselines(&self) -> Option<Chart> {
-        let group = |variant: &Variant| (variant.method, self.chosen(variant), LongBaselines::shortest(variant.views));
+        let group = |variant: &Variant| (variant.method, self.chosen(variant), BaselineRefinement::shortest(variant.views));
         let groups = distinct(self.variants.iter().map(group));
         let line = |key: &(_, Option<Fusion>, Views)| {
             let longest =
-                |variant: &Variant| LongBaselines::sets(variant.views).last().map(|views| usize::from(views.multiple()));
+                |variant: &Variant| BaselineRefinement::sets(variant.views).last().map(|views| usize::from(views.multiple()));
             let points = self.points(|variant| longest(variant).filter(|_| group(variant) == *key));
             let (views, plural) = (key.2.len(), if key.2.len() == 1 { "" } else { "s" });
             ChartLine { name: self.named(&format!("{}, {views} view{plural} each", Named::name(&key.0)), key.1), points }

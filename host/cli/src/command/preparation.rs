@@ -1,11 +1,11 @@
 //! Steps between reading frames and matching them.
 
 use multiscopic::{
-    Alignment, DisparityMap, Frames, Geometry, Preparation, Result,
+    Alignment, DisparityMap, Frames, Geometry, MatchSetup, Result,
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
-use multiscopic_core::Search;
+use multiscopic_core::SearchSpace;
 
 use super::{
     options::{MemoryOptions, PreparationOptions, Source},
@@ -24,14 +24,14 @@ pub fn prepare(
     frames: &mut Frames,
     geometry: &mut Option<Geometry>,
     memory: &MemoryOptions,
-    search: impl Fn((i16, u16)) -> Result<Search>,
-) -> Result<Preparation> {
+    search: impl Fn((i16, u16)) -> Result<SearchSpace>,
+) -> Result<MatchSetup> {
     if !options.align {
-        return Preparation::new(frames, options.auto_range, search);
+        return MatchSetup::new(frames, options.auto_range, search);
     }
     check_alignment(memory, frames)?;
     let rectified = |alignment: &_| source.rectified_frames(undistortion, alignment);
-    Preparation::rectifying(frames, geometry, options.auto_range, search, rectified)
+    MatchSetup::rectifying(frames, geometry, options.auto_range, search, rectified)
 }
 
 /// Checks that the alignment of `frames` may take what it takes.
@@ -56,6 +56,6 @@ pub fn mask_unseen(undistortion: Option<&Undistortion>, disparities: &mut Dispar
     let Some(undistortion) = undistortion else { return };
     undistortion.mask(disparities);
     if let Some(confidences) = confidences {
-        confidence_map::keep_sure(disparities, confidences, 0);
+        confidence_map::filter_by_confidence(disparities, confidences, 0);
     }
 }

@@ -14,7 +14,7 @@ use multiscopic::{
     scene::{PinholeCamera, Scene, render_views},
     target::{Ram, Simulation, reception, simulate},
 };
-use multiscopic_core::{Fusion, Search, Views};
+use multiscopic_core::{Fusion, SearchSpace, Views};
 use multiscopic_edge::{Matching, Profile, profile};
 use serde::Serialize;
 
@@ -99,7 +99,7 @@ impl Simulate {
     }
 
     /// The frames in the size of the profile, and `"demo"` or `"given"` for the report.
-    fn frames(&self, profile: &Profile, search: &Search, views: Views) -> Result<(Frames, &'static str)> {
+    fn frames(&self, profile: &Profile, search: &SearchSpace, views: Views) -> Result<(Frames, &'static str)> {
         let outputs = [&self.output, &self.confidence, &self.packets];
         let outputs: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
         let [width, height] = [search.width(), search.height()];

@@ -6,9 +6,9 @@ use multiscopic::{
     DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result,
     evaluation::{CameraSteps, Sparsification},
     images::Layout,
-    stereo::{LongBaselines, MethodName, confidence_map::ConfidenceMap},
+    stereo::{BaselineRefinement, MethodName, confidence_map::ConfidenceMap},
 };
-use multiscopic_core::{Fusion, Search, View, Views};
+use multiscopic_core::{Fusion, SearchSpace, View, Views};
 
 use crate::results::Record;
 
@@ -57,7 +57,7 @@ impl Variant {
     pub fn baselines(&self) -> Vec<u8> {
         let reach = |along: fn(View) -> i8| self.views.iter().map(|view| along(view).unsigned_abs()).max().unwrap_or_default();
         let array = (2 * usize::from(reach(View::right)) + 1) * (2 * usize::from(reach(View::down)) + 1);
-        let sets = LongBaselines::sets(self.views);
+        let sets = BaselineRefinement::sets(self.views);
         if sets.len() == 1 && self.views.len() + 1 == array {
             return Vec::new();
         }
@@ -67,7 +67,7 @@ impl Variant {
 
     /// Matches `subject` with `method`, which is this variant's, and compares the disparities and their confidences with the
     /// truth. Disparities are those at the default baseline.
-    pub fn measure(&self, method: &Method, engine: &Engine, subject: &Subject, search: &Search) -> Result<Measured> {
+    pub fn measure(&self, method: &Method, engine: &Engine, subject: &Subject, search: &SearchSpace) -> Result<Measured> {
         let (disparities, confidences, seconds) = self.timed(method, engine, subject.frames, search)?;
         let disparities = match subject.camera_steps {
             Some(steps) => disparities.times(steps.disparity_scale()),
@@ -87,7 +87,7 @@ impl Variant {
         method: &Method,
         engine: &Engine,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
     ) -> Result<(DisparityMap, ConfidenceMap, f64)> {
         let start = Instant::now();
         let (disparities, confidences) = method.disparities_and_confidences(engine, frames, search, &())?;

@@ -1,6 +1,6 @@
 //! Matching costs by two census transforms.
 
-use multiscopic_core::{Census, Search};
+use multiscopic_core::{Census, SearchSpace};
 
 use super::{census_rows::CensusRows, census_sampling::CensusSampling, cost_rows::CostRows};
 use crate::{engine::Engine, planes::Planes};
@@ -25,7 +25,7 @@ impl<'a> CensusPairRows<'a> {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn two_scales(frames: &Planes<'_>, search: &'a Search, census: Census, engine: &Engine) -> CensusPairRows<'a> {
+    pub fn two_scales(frames: &Planes<'_>, search: &'a SearchSpace, census: Census, engine: &Engine) -> CensusPairRows<'a> {
         CensusPairRows::of([CensusSampling::Central, CensusSampling::CentralBlurred], frames, search, census, engine)
     }
 
@@ -36,19 +36,19 @@ impl<'a> CensusPairRows<'a> {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn both_ways(frames: &Planes<'_>, search: &'a Search, census: Census, engine: &Engine) -> CensusPairRows<'a> {
+    pub fn both_ways(frames: &Planes<'_>, search: &'a SearchSpace, census: Census, engine: &Engine) -> CensusPairRows<'a> {
         CensusPairRows::of([CensusSampling::Opposite, CensusSampling::Reversed], frames, search, census, engine)
     }
 
     /// Returns these costs for a `search` that differs in its fusion only. Both share the frames.
-    pub fn with_fusion_of(&self, search: &'a Search) -> CensusPairRows<'a> {
+    pub fn with_fusion_of(&self, search: &'a SearchSpace) -> CensusPairRows<'a> {
         CensusPairRows(self.0.each_ref().map(|rows| rows.with_fusion_of(search)))
     }
 
     fn of(
         samplings: [CensusSampling; 2],
         frames: &Planes<'_>,
-        search: &'a Search,
+        search: &'a SearchSpace,
         census: Census,
         engine: &Engine,
     ) -> CensusPairRows<'a> {
@@ -59,7 +59,7 @@ impl<'a> CensusPairRows<'a> {
 impl CostRows for CensusPairRows<'_> {
     type Cost = u8;
 
-    fn search(&self) -> &Search {
+    fn search(&self) -> &SearchSpace {
         self.0[0].search()
     }
 

@@ -3,7 +3,7 @@
 use std::{ops::Range, sync::Arc};
 
 use multiscopic_core::{
-    Census, Frame, MatchingCost, Search, View, Views,
+    Census, Frame, MatchingCost, SearchSpace, View, Views,
     kernel::{CandidateRun, Candidates, Kernel, Work, as_vectors_mut, hamming_run},
 };
 
@@ -48,14 +48,14 @@ struct ViewRow<'a, const BYTES: usize> {
 }
 
 /// The indices of the disparities at which a pixel sees a view.
-fn available(search: &Search, view: View, pixel: (usize, usize)) -> Range<u16> {
+fn available(search: &SearchSpace, view: View, pixel: (usize, usize)) -> Range<u16> {
     view.available(pixel, (search.width(), search.height()), search.min_disparity(), search.num_disparities())
 }
 
 impl CensusView {
     /// Prepares the data that row `v` of the centre is compared with, with `stride` candidates for each pixel.
     #[inline(always)]
-    fn line(&self, search: &Search, v: usize, stride: usize) -> ViewLine {
+    fn line(&self, search: &SearchSpace, v: usize, stride: usize) -> ViewLine {
         let columns = match (self.view.is_horizontal(), self.view.is_vertical()) {
             (true, _) => 0..0,
             (_, true) => 0..1,
@@ -71,7 +71,7 @@ impl CensusView {
 
     /// The descriptors of all candidates of row `v` of the centre. Those of a pixel lie side by side, `stride` of each
     /// byte; those past the last disparity and outside the frame are zero.
-    fn gather(&self, lines: &[u8], search: &Search, v: usize, stride: usize) -> Vec<u8> {
+    fn gather(&self, lines: &[u8], search: &SearchSpace, v: usize, stride: usize) -> Vec<u8> {
         let (shape, [width, height]) = (self.image.shape, [search.width(), search.height()]);
         let mut gathered = vec![0; width * shape.bytes * stride];
         for (index, d) in (search.min_disparity()..=search.max_disparity()).enumerate() {
@@ -88,7 +88,13 @@ impl CensusView {
     }
 
     /// Returns the descriptors that row `v` of the centre is compared with, given its prepared `line`.
-    fn row<'a, const BYTES: usize>(&'a self, search: &Search, v: usize, line: &'a ViewLine, depth: usize) -> ViewRow<'a, BYTES> {
+    fn row<'a, const BYTES: usize>(
+        &'a self,
+        search: &SearchSpace,
+        v: usize,
+        line: &'a ViewLine,
+        depth: usize,
+    ) -> ViewRow<'a, BYTES> {
         let LineShape { length, stride, front, bytes } = self.image.shape;
         let is_mirrored = Orientation::of(self.view).is_mirrored();
         let position = |coordinate: usize| {
@@ -134,7 +140,7 @@ fn columns_of_all(available: &[Range<u16>], width: usize, count: usize) -> Range
 /// The fused costs of a centre and its views: the Hamming distances of their descriptors, rounded down.
 #[derive(Debug)]
 pub struct CensusRows<'a> {
-    search: &'a Search,
+    search: &'a SearchSpace,
     simd: Simd,
     center: Arc<CensusImage>,
     views: Arc<[CensusView]>,
@@ -153,7 +159,7 @@ struct RowLines {
 impl CostRows for CensusRows<'_> {
     type Cost = u8;
 
-    fn search(&self) -> &Search {
+    fn search(&self) -> &SearchSpace {
         self.search
     }
 
@@ -205,7 +211,7 @@ impl<'a> CensusRows<'a> {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn new(frames: &Planes<'_>, search: &'a Search, census: Census, engine: &Engine) -> CensusRows<'a> {
+    pub fn new(frames: &Planes<'_>, search: &'a SearchSpace, census: Census, engine: &Engine) -> CensusRows<'a> {
         CensusRows::sampled(CensusSampling::Opposite, frames, search, census, engine)
     }
 
@@ -213,7 +219,7 @@ impl<'a> CensusRows<'a> {
     pub(super) fn sampled(
         sampling: CensusSampling,
         frames: &Planes<'_>,
-        search: &'a Search,
+        search: &'a SearchSpace,
         census: Census,
         engine: &Engine,
     ) -> CensusRows<'a> {
@@ -240,7 +246,7 @@ impl<'a> CensusRows<'a> {
     }
 
     /// Returns these costs for a `search` that differs in its fusion only.
-    pub(super) fn with_fusion_of(&self, search: &'a Search) -> CensusRows<'a> {
+    pub(super) fn with_fusion_of(&self, search: &'a SearchSpace) -> CensusRows<'a> {
         CensusRows { search, center: self.center.clone(), views: self.views.clone(), ..*self }
     }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use multiscopic_core::{Disparity, PeakRatio, Search};
+use multiscopic_core::{Disparity, PeakRatio, SearchSpace};
 
 /// The fused matching cost of a candidate: a pixel at a disparity.
 ///
@@ -106,7 +106,7 @@ pub trait CostRows: Sync {
     type Cost: Cost;
 
     /// The search that the costs are for: the size of the image, the views and the disparities.
-    fn search(&self) -> &Search;
+    fn search(&self) -> &SearchSpace;
 
     /// Computes the costs of row `v`. `row` has `stride` costs for each pixel: as many as there are disparities, rounded up to whole
     /// vectors of the [instructions](crate::Simd) for the search. Those past the last disparity become [`NONE`](Cost::NONE).

@@ -1,6 +1,6 @@
 //! Matching costs by sums of absolute differences, for rows in any order.
 
-use multiscopic_core::{Matcher, Memory, Params, Region, Search, SemiGlobalCost, kernel::Kernel};
+use multiscopic_core::{BlockMatchingParams, Matcher, Memory, Region, SearchSpace, SemiGlobalCost, kernel::Kernel};
 use rayon::prelude::*;
 
 use super::{cost_rows::CostRows, volume::Volume};
@@ -10,7 +10,7 @@ use crate::{engine::Engine, error::EngineError, planes::Planes, simd::Task};
 /// for each pixel and disparity is kept.
 #[derive(Debug)]
 pub struct SadRows<'a> {
-    search: &'a Search,
+    search: &'a SearchSpace,
     costs: Volume<u8>,
 }
 
@@ -18,10 +18,15 @@ impl<'a> SadRows<'a> {
     /// Computes all costs, on the threads of `engine`.
     ///
     /// # Errors
-    /// [`EngineError::Params`] if the block is not one for [`SemiGlobalCost::Sad`].
-    pub fn new(engine: &Engine, frames: &Planes<'_>, search: &'a Search, block_size: u8) -> Result<SadRows<'a>, EngineError> {
+    /// [`EngineError::BlockMatchingParams`] if the block is not one for [`SemiGlobalCost::Sad`].
+    pub fn new(
+        engine: &Engine,
+        frames: &Planes<'_>,
+        search: &'a SearchSpace,
+        block_size: u8,
+    ) -> Result<SadRows<'a>, EngineError> {
         let cost = SemiGlobalCost::Sad { block_size }.checked()?;
-        let params = Params::block_matching(*search, block_size)?;
+        let params = BlockMatchingParams::block_matching(*search, block_size)?;
         let simd = engine.simd(search);
         let depth = search.num_disparities().next_multiple_of(simd.lanes());
         let mut costs = Volume::filled(search.width(), search.height(), depth, u8::MAX);
@@ -40,7 +45,7 @@ impl<'a> SadRows<'a> {
 impl CostRows for SadRows<'_> {
     type Cost = u8;
 
-    fn search(&self) -> &Search {
+    fn search(&self) -> &SearchSpace {
         self.search
     }
 
@@ -55,7 +60,7 @@ impl CostRows for SadRows<'_> {
 /// Computes the costs of a band of rows.
 struct Band<'a> {
     frames: &'a Planes<'a>,
-    params: &'a Params,
+    params: &'a BlockMatchingParams,
     region: &'a Region,
     shift: u32,
     costs: &'a mut [u8],

@@ -1,7 +1,7 @@
 //! The network in bands of rows, where the whole image would take too much memory.
 
 use multiscopic_core::{
-    Census, EightPaths, EightPathsLine, Fusion, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams,
+    Census, EightPaths, EightPathsLine, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams,
     kernel::Kernel,
     network::{BLOCK, BLOCKS, CANDIDATE_CHANNELS, padded_blocks, paired},
 };
@@ -45,7 +45,7 @@ impl Bands {
     }
 
     /// The highest bands that take at most so many bytes.
-    pub fn within(bytes: u64, search: &Search) -> Option<Bands> {
+    pub fn within(bytes: u64, search: &SearchSpace) -> Option<Bands> {
         let mut rows = Bands::MOST;
         while rows >= STEP {
             let bands = Bands { rows };
@@ -58,7 +58,7 @@ impl Bands {
     }
 
     /// Estimates the bytes that bands take, without the images.
-    pub fn bytes(self, search: &Search) -> u64 {
+    pub fn bytes(self, search: &SearchSpace) -> u64 {
         let (width, height, count) = (search.width(), search.height(), search.num_disparities());
         let stride = count.next_multiple_of(32);
         let rows = (self.rows + 2 * Bands::REACH).min(height.next_multiple_of(STEP));
@@ -77,7 +77,7 @@ impl Bands {
         self,
         network: &DisparityNetwork,
         frames: &Planes<'_>,
-        search: &Search,
+        search: &SearchSpace,
         engine: &Engine,
         progress: &dyn Progress,
     ) -> Result<(DisparityMap, Raster<u8>), EngineError> {
@@ -99,7 +99,7 @@ struct BandTask<'a> {
     bands: Bands,
     network: &'a DisparityNetwork,
     frames: &'a Planes<'a>,
-    search: &'a Search,
+    search: &'a SearchSpace,
     /// The passes, which search an even number of disparities.
     params: SemiGlobalParams,
     passes: [CensusPairRows<'a>; 2],

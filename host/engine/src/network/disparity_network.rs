@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use multiscopic_core::{
-    Search,
+    SearchSpace,
     network::{
         BLOCK, CANDIDATE_CHANNELS, ImageLayers, MAX_ACTIVATION, NetworkLayers, PIXEL_CHANNELS, PixelHead, Skeleton,
         TRAINED_WEIGHTS, VolumeLayers,
@@ -49,7 +49,7 @@ impl DisparityNetwork {
     /// The network looks twice: at the inputs, and at the same turned by half a turn. Disparities found in one position only
     /// get a low confidence, and errors that differ cancel. If the inputs have a disparity more than the search, it is never
     /// selected.
-    pub fn disparities(&self, mut inputs: Inputs, search: &Search, engine: &Engine) -> (DisparityMap, Raster<u8>) {
+    pub fn disparities(&self, mut inputs: Inputs, search: &SearchSpace, engine: &Engine) -> (DisparityMap, Raster<u8>) {
         let operations = Operations { products: DotProducts::of(engine) };
         engine.install(|| {
             let look = self.look(&inputs, operations);

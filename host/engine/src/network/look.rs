@@ -1,8 +1,8 @@
 //! The result of one look of the network at its inputs, and the combination of two looks.
 
 use multiscopic_core::{
-    Disparity, Search,
-    network::{BLOCK, PixelHead, PixelScores, two_looks},
+    Disparity, SearchSpace,
+    network::{BLOCK, PixelHead, PixelScores, fuse_rotations},
 };
 use rayon::prelude::*;
 
@@ -69,8 +69,8 @@ impl Look {
         Look { disparities, confidences }
     }
 
-    /// The disparities and confidences of a search by this look and by one at [turned](Inputs::turn) inputs: see [`two_looks`].
-    pub fn with_turned(&self, other: &Look, search: &Search) -> (DisparityMap, Raster<u8>) {
+    /// The disparities and confidences of a search by this look and by one at [turned](Inputs::turn) inputs: see [`fuse_rotations`].
+    pub fn with_turned(&self, other: &Look, search: &SearchSpace) -> (DisparityMap, Raster<u8>) {
         let (width, height) = (search.width(), search.height());
         let least = i32::from(search.min_disparity()) * Disparity::STEPS;
         let most = Disparity::STEPS * (search.num_disparities() as i32 - 1);
@@ -82,7 +82,7 @@ impl Look {
             let these = self.disparities.row(y).iter().zip(self.confidences.row(y)).zip(others);
             let found = map.row_mut(y).iter_mut().zip(confidences.row_mut(y));
             for ((disparity, confidence), ((&a, &p), (&b, &q))) in found.zip(these) {
-                let (steps, sure) = two_looks([a, b], [p, q]);
+                let (steps, sure) = fuse_rotations([a, b], [p, q]);
                 *disparity = Disparity::from_bits((least + i32::from(steps).min(most)) as i16);
                 *confidence = sure;
             }

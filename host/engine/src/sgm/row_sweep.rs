@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use multiscopic_core::{
-    Disparity, PathWinners, Search,
-    kernel::{Along, ByteVector, Kernel, MAX_BATCH, Slot, Step, Work, as_vectors, as_vectors_mut},
+    Disparity, PathWinners, SearchSpace,
+    kernel::{ByteVector, Kernel, LinePath, MAX_BATCH, Slot, Step, Work, as_vectors, as_vectors_mut},
 };
 
 use super::path_block::PathBlock;
@@ -84,7 +84,7 @@ impl<'a> RowSweep<'a> {
         &mut self,
         isa: I,
         diagonals: bool,
-        from_left: Option<&mut Along<I, M>>,
+        from_left: Option<&mut LinePath<I, M>>,
         above: &PathBlock,
         here: Range<usize>,
         block: &mut PathBlock,
@@ -102,8 +102,8 @@ impl<'a> RowSweep<'a> {
     pub fn finish<I: Kernel, const M: usize>(
         &mut self,
         isa: I,
-        from_right: Option<Along<I, M>>,
-        search: &Search,
+        from_right: Option<LinePath<I, M>>,
+        search: &SearchSpace,
         paths: u16,
         task: RowTask<'_>,
     ) {
@@ -115,7 +115,7 @@ impl<'a> RowSweep<'a> {
     fn extend<I: Kernel, const DIAGONAL: bool, const M: usize>(
         &mut self,
         isa: I,
-        mut from_left: Option<&mut Along<I, M>>,
+        mut from_left: Option<&mut LinePath<I, M>>,
         above: &PathBlock,
         here: Range<usize>,
         block: &mut PathBlock,
@@ -162,7 +162,7 @@ impl<'a> RowSweep<'a> {
     fn backward<I: Kernel, const M: usize>(
         &mut self,
         isa: I,
-        from_right: &mut Along<I, M>,
+        from_right: &mut LinePath<I, M>,
         here: Range<usize>,
         mut done: impl FnMut(usize, &[u8], &[u8]),
     ) {
@@ -188,7 +188,7 @@ impl<'a> RowSweep<'a> {
 struct Forward<'r, 'a, I: Kernel, const DIAGONAL: bool, const M: usize> {
     isa: I,
     row: &'r mut RowSweep<'a>,
-    from_left: Option<&'r mut Along<I, M>>,
+    from_left: Option<&'r mut LinePath<I, M>>,
     above: &'r PathBlock,
     here: Range<usize>,
     block: &'r mut PathBlock,
@@ -205,8 +205,8 @@ impl<I: Kernel, const DIAGONAL: bool, const M: usize> Work for Forward<'_, '_, I
 struct Finish<'r, 'a, I: Kernel, const M: usize> {
     isa: I,
     row: &'r mut RowSweep<'a>,
-    from_right: Option<Along<I, M>>,
-    search: &'r Search,
+    from_right: Option<LinePath<I, M>>,
+    search: &'r SearchSpace,
     paths: u16,
     task: RowTask<'r>,
 }
@@ -277,7 +277,7 @@ fn add_to_sums(sums: &mut [u16], costs: &[u8], excess: &[u8], paths: Option<u16>
 }
 
 /// The disparity of a pixel by its sums, as [`SemiGlobalParams`](multiscopic_core::SemiGlobalParams) defines it.
-fn select_by_sums(search: &Search, sums: &[u16]) -> Option<Disparity> {
+fn select_by_sums(search: &SearchSpace, sums: &[u16]) -> Option<Disparity> {
     winner::disparity_refined_by(search, sums, |d, [before, at, after]| {
         Disparity::refine_equiangular(d, before.into(), at.into(), after.into())
     })

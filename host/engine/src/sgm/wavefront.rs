@@ -14,7 +14,7 @@ use std::{
     thread,
 };
 
-use multiscopic_core::kernel::{Along, Kernel, Slot};
+use multiscopic_core::kernel::{Kernel, LinePath, Slot};
 
 use super::{
     path_block::{COLUMNS, PathBlock},
@@ -196,7 +196,7 @@ impl Worker<'_, '_> {
     ) -> Option<()> {
         let Wavefront { costs: rows, stride, .. } = *self.wavefront;
         let (width, count) = (rows.search().width(), strip.len());
-        let along = Along::<I, M>::begin(isa, &blocks.start.first()[Slot::LEAD..][..stride]);
+        let along = LinePath::<I, M>::begin(isa, &blocks.start.first()[Slot::LEAD..][..stride]);
         let mut from_left = [self.pass.along_rows.then_some(along); STRIP];
         let columns = width.div_ceil(COLUMNS);
         // Each row is a block behind the one above.

@@ -4,7 +4,7 @@
 //! 2009, as J. Žbontar and Y. LeCun, "Stereo matching by training a convolutional neural network to compare
 //! image patches", 2016, use it (section 4.1).
 
-use multiscopic_core::{Search, View};
+use multiscopic_core::{SearchSpace, View};
 use rayon::prelude::*;
 
 use crate::{
@@ -96,7 +96,7 @@ impl Crosses {
 /// this is what Žbontar and LeCun do.
 #[derive(Debug)]
 pub struct CrossBased<'a> {
-    search: &'a Search,
+    search: &'a SearchSpace,
     center: Crosses,
     views: Vec<(View, Crosses)>,
 }
@@ -104,7 +104,7 @@ pub struct CrossBased<'a> {
 impl<'a> CrossBased<'a> {
     /// The crosses of `center` and of `views`, which follow the order of the views of `search`. All images
     /// have the size of `search`; their brightness has the scale of `region`.
-    pub fn new(search: &'a Search, center: &Raster<f32>, views: &[Raster<f32>], region: SupportRegion) -> CrossBased<'a> {
+    pub fn new(search: &'a SearchSpace, center: &Raster<f32>, views: &[Raster<f32>], region: SupportRegion) -> CrossBased<'a> {
         let views = search.views().iter().zip(views).map(|(view, image)| (view, Crosses::new(image, region))).collect();
         CrossBased { search, center: Crosses::new(center, region), views }
     }

@@ -72,7 +72,7 @@ pub fn sure_share(confidences: &ConfidenceMap) -> f64 {
 ///
 /// # Panics
 /// If the two differ in size.
-pub fn keep_sure(map: &mut DisparityMap, confidences: &mut ConfidenceMap, least: u8) {
+pub fn filter_by_confidence(map: &mut DisparityMap, confidences: &mut ConfidenceMap, least: u8) {
     assert_eq!((confidences.width(), confidences.height()), (map.width(), map.height()), "the size of the confidences");
     for (pixel, confidence) in map.pixels_mut().iter_mut().zip(confidences.pixels_mut()) {
         if *confidence < least {

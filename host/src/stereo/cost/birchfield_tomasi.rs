@@ -7,7 +7,7 @@
 //! insensitive to image sampling", 1998). Channels of colour are summed.
 
 use image::{GrayImage, RgbImage};
-use multiscopic_core::{Frame, Search, View};
+use multiscopic_core::{Frame, SearchSpace, View};
 
 use super::{Cost, CostRows, RowMatches, fused_cost};
 use crate::images::Frames;
@@ -40,7 +40,7 @@ impl BirchfieldTomasi {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn rows<'a>(self, frames: &Frames, search: &'a Search) -> BirchfieldTomasiRows<'a> {
+    pub fn rows<'a>(self, frames: &Frames, search: &'a SearchSpace) -> BirchfieldTomasiRows<'a> {
         let views = search.views().iter().map(|view| (view, self.intervals(frames, Frame::View(view)))).collect();
         BirchfieldTomasiRows { search, center: self.intervals(frames, Frame::Center), views }
     }
@@ -49,7 +49,7 @@ impl BirchfieldTomasi {
 /// The fused costs of a centre and its views, in halves of an intensity.
 #[derive(Clone, Debug)]
 pub struct BirchfieldTomasiRows<'a> {
-    search: &'a Search,
+    search: &'a SearchSpace,
     center: Intervals,
     views: Vec<(View, Intervals)>,
 }
@@ -57,7 +57,7 @@ pub struct BirchfieldTomasiRows<'a> {
 impl CostRows for BirchfieldTomasiRows<'_> {
     type Cost = u32;
 
-    fn search(&self) -> &Search {
+    fn search(&self) -> &SearchSpace {
         self.search
     }
 

@@ -1,7 +1,7 @@
 //! Exact matching costs by sums of absolute differences, for more views than the core's kernels take.
 
 use image::GrayImage;
-use multiscopic_core::{Frame, Fusion, MatchingCost, Params, Search, SearchConfig, View, Views};
+use multiscopic_core::{BlockMatchingParams, Frame, Fusion, MatchingCost, SearchConfig, SearchSpace, View, Views};
 
 use super::CostRows;
 use crate::{error::Result, images::Frames};
@@ -9,7 +9,7 @@ use crate::{error::Result, images::Frames};
 /// The fused costs of a centre and its views: sums over blocks, fused exactly, in 64 bits.
 #[derive(Debug)]
 pub struct BlockRows<'a> {
-    search: &'a Search,
+    search: &'a SearchSpace,
     frames: &'a Frames,
     radius: isize,
 }
@@ -19,9 +19,9 @@ impl<'a> BlockRows<'a> {
     ///
     /// # Errors
     /// [`Error::Usage`](crate::Error::Usage) if the core has no such block.
-    pub fn new(frames: &'a Frames, search: &'a Search, block_size: u8) -> Result<BlockRows<'a>> {
+    pub fn new(frames: &'a Frames, search: &'a SearchSpace, block_size: u8) -> Result<BlockRows<'a>> {
         let one_view = SearchConfig { views: Views::STEREO, fusion: Fusion::Min, ..search.config() }.checked()?;
-        let params = Params::block_matching(one_view, block_size)?;
+        let params = BlockMatchingParams::block_matching(one_view, block_size)?;
         Ok(BlockRows { search, frames, radius: params.radius() as isize })
     }
 
@@ -49,7 +49,7 @@ impl<'a> BlockRows<'a> {
 impl CostRows for BlockRows<'_> {
     type Cost = u64;
 
-    fn search(&self) -> &Search {
+    fn search(&self) -> &SearchSpace {
         self.search
     }
 

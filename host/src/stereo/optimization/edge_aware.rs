@@ -3,7 +3,7 @@
 //! J. Žbontar and Y. LeCun, "Stereo matching by training a convolutional neural network to compare image
 //! patches", 2016, section 4.2.
 
-use multiscopic_core::{Search, View};
+use multiscopic_core::{SearchSpace, View};
 use rayon::prelude::*;
 
 use crate::{images::Raster, stereo::cost::Volume};
@@ -40,7 +40,7 @@ impl Penalties {
 /// thin objects, which fewer views see before the same background.)
 #[derive(Debug)]
 pub struct EdgeAware<'a> {
-    search: &'a Search,
+    search: &'a SearchSpace,
     penalties: Penalties,
     center: &'a Raster<f32>,
     views: Vec<(View, &'a Raster<f32>)>,
@@ -52,7 +52,12 @@ type Back = [isize; 2];
 impl<'a> EdgeAware<'a> {
     /// Paths through the costs of `center` and `views`, which follow the order of the views of `search`. All
     /// images have the size of `search`.
-    pub fn new(search: &'a Search, penalties: Penalties, center: &'a Raster<f32>, views: &'a [Raster<f32>]) -> EdgeAware<'a> {
+    pub fn new(
+        search: &'a SearchSpace,
+        penalties: Penalties,
+        center: &'a Raster<f32>,
+        views: &'a [Raster<f32>],
+    ) -> EdgeAware<'a> {
         EdgeAware { search, penalties, center, views: search.views().iter().zip(views).collect() }
     }
 

@@ -1,6 +1,6 @@
 //! The left-right check: a disparity stays only if a view confirms it.
 
-use multiscopic_core::{Search, View};
+use multiscopic_core::{SearchSpace, View};
 
 use crate::{
     images::{DisparityMap, Raster},
@@ -11,7 +11,7 @@ use crate::{
 ///
 /// A pixel of the view takes the candidate of least cost among those of the centre whose match it is;
 /// ties go to the smallest disparity. It has none if it is the match of no candidate.
-pub fn view_disparities<C: Cost>(costs: &Volume<C>, search: &Search, view: View) -> Raster<Option<i16>> {
+pub fn view_disparities<C: Cost>(costs: &Volume<C>, search: &SearchSpace, view: View) -> Raster<Option<i16>> {
     let size = (costs.width(), costs.height());
     let mut least: Raster<Option<(C, i16)>> = Raster::filled(size.0, size.1, None);
     for v in 0..costs.height() {
@@ -34,7 +34,7 @@ pub fn view_disparities<C: Cost>(costs: &Volume<C>, search: &Search, view: View)
 /// A view confirms a disparity if its own disparity at the match, by
 /// [`view_disparities`], differs by at most `tolerance` pixels. Disparities are
 /// rounded to whole pixels first, halves away from zero.
-pub fn check_left_right<C: Cost>(costs: &Volume<C>, search: &Search, map: &mut DisparityMap, tolerance: u16) {
+pub fn check_left_right<C: Cost>(costs: &Volume<C>, search: &SearchSpace, map: &mut DisparityMap, tolerance: u16) {
     let size = (costs.width(), costs.height());
     let views: Vec<_> = search.views().iter().map(|view| (view, view_disparities(costs, search, view))).collect();
     for (v, row) in map.rows_mut().enumerate() {

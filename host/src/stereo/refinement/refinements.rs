@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use multiscopic_core::{Frame, Search, Views};
+use multiscopic_core::{Frame, SearchSpace, Views};
 
 use super::{
     background::BackgroundFill, bilateral::Bilateral, left_right::check_left_right, lucas_kanade::LucasKanade, median::Median,
@@ -81,7 +81,7 @@ impl Refinement {
     }
 
     /// Applies the checks by the costs that the disparities were selected by, on the threads of the current pool.
-    pub fn check<C: Cost>(&self, search: &Search, costs: &Volume<C>, map: &mut DisparityMap) {
+    pub fn check<C: Cost>(&self, search: &SearchSpace, costs: &Volume<C>, map: &mut DisparityMap) {
         if let Some(percent) = self.uniqueness {
             keep_unique(costs, search, map, percent);
         }
@@ -106,7 +106,7 @@ impl Refinement {
             (map, confidences) = smoother.repair(&map, &confidences, &guide())?;
         }
         if let Some(least) = self.min_confidence {
-            confidence_map::keep_sure(&mut map, &mut confidences, least);
+            confidence_map::filter_by_confidence(&mut map, &mut confidences, least);
         }
         if let Some(smoother) = self.smoother {
             (map, confidences) = smoother.apply(&map, &confidences, &guide())?;

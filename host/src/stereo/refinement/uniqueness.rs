@@ -1,6 +1,6 @@
 //! The uniqueness filter: what another candidate explains nearly as well is uncertain.
 
-use multiscopic_core::Search;
+use multiscopic_core::SearchSpace;
 use rayon::prelude::*;
 
 use crate::{
@@ -14,7 +14,7 @@ use crate::{
 /// Invalidates the pixels of `map` with a candidate, more than a disparity away from the best, that costs at most `percent`
 /// of the least cost more: OpenCV's `uniquenessRatio` as its StereoBM applies it. (Its StereoSGBM takes the percentage of the
 /// other candidate's cost.) Runs on the threads of the current pool.
-pub fn keep_unique<C: Cost>(costs: &Volume<C>, search: &Search, map: &mut DisparityMap, percent: u8) {
+pub fn keep_unique<C: Cost>(costs: &Volume<C>, search: &SearchSpace, map: &mut DisparityMap, percent: u8) {
     let width = costs.width();
     map.pixels_mut().par_chunks_exact_mut(width).enumerate().for_each(|(v, line)| {
         for (u, pixel) in line.iter_mut().enumerate() {

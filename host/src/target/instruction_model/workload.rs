@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use multiscopic_core::{Params, Search, View, kernel::Rule};
+use multiscopic_core::{BlockMatchingParams, SearchSpace, View, kernel::Rule};
 use multiscopic_edge::Matching;
 
 use super::work_units::{CandidateUnits, WorkUnits};
@@ -48,7 +48,7 @@ impl Workload {
     }
 
     /// The work of block matching from disparity `first` on in so many passes, without sending.
-    fn of_blocks(params: &Params, first: i16, passes: usize, processor: Processor) -> Workload {
+    fn of_blocks(params: &BlockMatchingParams, first: i16, passes: usize, processor: Processor) -> Workload {
         let (height, views, block) = (count(params.height()), count(params.views().len()), count(params.block_size()));
         // Columns under the blocks of a line, in all tiles.
         let span = count(params.width()) + count(passes) * (block - 1.0);
@@ -75,7 +75,7 @@ impl Workload {
     }
 
     /// The work of block matching around the disparities of an earlier match. All are taken to be in the middle of its range.
-    fn around(long: &Params, earlier: &Params, processor: Processor) -> Workload {
+    fn around(long: &BlockMatchingParams, earlier: &BlockMatchingParams, processor: Processor) -> Workload {
         let around = long.around(earlier.search());
         let middle = (earlier.min_disparity() + earlier.max_disparity()) / 2;
         let first = around.min_disparity() + i16::from(long.views().multiple()) * middle;
@@ -99,22 +99,22 @@ fn count(count: usize) -> f64 {
 }
 
 /// Disparities in whole vectors.
-fn depth(search: &Search, processor: Processor) -> usize {
+fn depth(search: &SearchSpace, processor: Processor) -> usize {
     search.num_disparities().next_multiple_of(processor.lanes())
 }
 
 /// Returns true if kernels have separate loops for as many vectors.
-fn is_unrolled(search: &Search, processor: Processor) -> bool {
+fn is_unrolled(search: &SearchSpace, processor: Processor) -> bool {
     search.num_disparities().div_ceil(processor.lanes()) == 4
 }
 
 /// Returns true if the processor's kernel masks sums where views are unavailable. Lanes of 32 bits are fused by segments.
-fn masks_sums(params: &Params, processor: Processor) -> bool {
+fn masks_sums(params: &BlockMatchingParams, processor: Processor) -> bool {
     processor == Processor::CortexM55 && !is_wide(params) && params.views().len() <= 4
 }
 
 /// Returns true if block sums need 32 bits.
-fn is_wide(params: &Params) -> bool {
+fn is_wide(params: &BlockMatchingParams) -> bool {
     params.max_block_sum() >= u32::from(u16::MAX)
 }
 
@@ -122,7 +122,7 @@ fn is_wide(params: &Params) -> bool {
 ///
 /// It ends in `-wide` if block sums need 32 bits, and in `-unrolled` for the minimum of four views in four
 /// vectors, for which kernels have a separate loop.
-pub fn kernel_name(params: &Params, processor: Processor) -> String {
+pub fn kernel_name(params: &BlockMatchingParams, processor: Processor) -> String {
     let views = params.views().places();
     let rule = match Rule::new(params.fusion(), views) {
         Rule::Min => "min",
@@ -153,7 +153,7 @@ pub(super) struct PixelCounts {
 
 impl PixelCounts {
     /// Counts the pixels of a match from disparity `first` on, with a kernel that masks sums, or fuses them by segments.
-    pub(super) fn new(params: &Params, first: i16, masks_sums: bool) -> PixelCounts {
+    pub(super) fn new(params: &BlockMatchingParams, first: i16, masks_sums: bool) -> PixelCounts {
         let places = params.views().places();
         let rule = Rule::new(params.fusion(), places);
         let all = 0..params.num_disparities() as u16;
@@ -180,7 +180,7 @@ impl PixelCounts {
 }
 
 /// The disparities, counted from the first, at which a view is available at a pixel.
-fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Range<u16> {
+fn available(params: &BlockMatchingParams, first: i16, view: View, u: usize, v: usize) -> Range<u16> {
     view.available((u, v), (params.width(), params.height()), first, params.num_disparities())
 }
 
@@ -190,7 +190,7 @@ mod tests {
     use multiscopic_core::SearchConfig;
     use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams, View, Views};
 
-    fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
+    fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> BlockMatchingParams {
         SearchConfig { width: 20, height: 17, views, fusion, min_disparity, num_disparities }.block_matching(block_size).unwrap()
     }
 
@@ -262,7 +262,7 @@ mod tests {
     }
 
     /// The views available at `(u, v)` and `d`. States the definition again, independently of the core.
-    fn available_views(params: &Params, u: usize, v: usize, d: i16) -> Vec<View> {
+    fn available_views(params: &BlockMatchingParams, u: usize, v: usize, d: i16) -> Vec<View> {
         let (u, v, d) = (u as i32, v as i32, i32::from(d));
         let is_available = |view: &View| {
             let (x, y) = match *view {

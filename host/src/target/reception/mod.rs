@@ -56,11 +56,11 @@ pub fn receive(mut source: impl BufRead, path: &Path, limits: Limits, notify: im
 mod tests {
     use super::*;
     use crate::images::{DisparityMap, Raster};
-    use multiscopic_core::{Disparity, Fusion, Params, Region, SearchConfig};
+    use multiscopic_core::{BlockMatchingParams, Disparity, Fusion, Region, SearchConfig};
     use multiscopic_edge::packet::{Sender, buffer_bytes, buffer_bytes_with_confidences};
 
     const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 4) };
-    const PARAMS: Params = match SEARCH.block_matching(3) {
+    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

@@ -14,7 +14,7 @@ use crate::{
     kernel::{
         blocks::Blocks,
         bytes::{
-            BackwardRun, Bytes, Divisor, ForwardRun, PixelLoops, Reached, RunLoops, Slot, Step, backward_loop, forward_loop,
+            BackwardRun, Bytes, Divisor, ForwardRun, PixelLoops, PixelPaths, RunLoops, Slot, Step, backward_loop, forward_loop,
         },
         portable::Portable,
         rule::Rule,
@@ -161,7 +161,7 @@ impl RunLoops for Dsp {
     }
 
     #[inline(always)]
-    fn extend_backward(self, paths: u16, run: BackwardRun<'_, '_>, mut reach: impl FnMut(Reached<'_>)) {
+    fn extend_backward(self, paths: u16, run: BackwardRun<'_, '_>, mut reach: impl FnMut(PixelPaths<'_>)) {
         let fits = run.depth == runs::DEPTH
             && usize::from(paths) == SemiGlobalParams::PATHS
             && are_words(run.costs) & are_words(run.excess)
@@ -186,7 +186,7 @@ impl RunLoops for Dsp {
                 runs::backward(penalties.p1, p2, costs.as_flattened(), excess.as_flattened_mut(), along[0], keys);
             }
             for (i, ((costs, excess), &mut key)) in costs.iter().zip(&*excess).zip(keys).enumerate() {
-                reach(Reached { column: start + i, costs, excess, winner: pixel::unpack(key) });
+                reach(PixelPaths { column: start + i, costs, excess, winner: pixel::unpack(key) });
             }
             end = start;
         }

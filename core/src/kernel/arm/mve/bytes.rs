@@ -10,7 +10,9 @@ use crate::{
     Fusion,
     kernel::{
         blocks::Blocks,
-        bytes::{BackwardRun, Bytes, Candidates, Divisor, ForwardRun, PixelLoops, Reached, RunLoops, Slot, Step, hamming_loop},
+        bytes::{
+            BackwardRun, Bytes, Candidates, Divisor, ForwardRun, PixelLoops, PixelPaths, RunLoops, Slot, Step, hamming_loop,
+        },
         rule::Rule,
         steps::Steps,
     },
@@ -148,7 +150,7 @@ impl RunLoops for Mve {
     }
 
     #[inline(always)]
-    fn extend_backward(self, paths: u16, run: BackwardRun<'_, '_>, reach: impl FnMut(Reached<'_>)) {
+    fn extend_backward(self, paths: u16, run: BackwardRun<'_, '_>, reach: impl FnMut(PixelPaths<'_>)) {
         runs::backward(self, paths, run, reach);
     }
 }

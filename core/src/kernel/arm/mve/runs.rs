@@ -5,7 +5,7 @@ use super::{
     isa::Mve,
     pixel::{self, AT_ONCE, MOST_PATHS},
 };
-use crate::kernel::bytes::{BackwardRun, ForwardRun, Reached, Slot, backward_loop, forward_loop};
+use crate::kernel::bytes::{BackwardRun, ForwardRun, PixelPaths, Slot, backward_loop, forward_loop};
 
 /// Disparities of a pixel: two vectors of 16.
 const DEPTH: usize = 32;
@@ -206,7 +206,7 @@ unsafe fn forward_unrolled<const EDGES: bool>(
 
 /// [`RunLoops::extend_backward`](crate::kernel::RunLoops::extend_backward).
 #[inline(always)]
-pub(super) fn backward(mve: Mve, paths: u16, run: BackwardRun<'_, '_>, mut reach: impl FnMut(Reached<'_>)) {
+pub(super) fn backward(mve: Mve, paths: u16, run: BackwardRun<'_, '_>, mut reach: impl FnMut(PixelPaths<'_>)) {
     if run.depth != DEPTH || paths > MOST_PATHS || run.along[0].len() != STRIDE {
         return backward_loop(mve, paths, run, reach);
     }
@@ -229,7 +229,7 @@ pub(super) fn backward(mve: Mve, paths: u16, run: BackwardRun<'_, '_>, mut reach
             unsafe { backward_unrolled::<false>(paths, penalties.p1, p2, all_costs, all_excess, along[0], keys) }
         }
         for (i, ((costs, excess), &mut key)) in costs.iter().zip(&*excess).zip(keys).enumerate() {
-            reach(Reached { column: start + i, costs, excess, winner: pixel::unpack(key.into()) });
+            reach(PixelPaths { column: start + i, costs, excess, winner: pixel::unpack(key.into()) });
         }
         end = start;
     }

@@ -8,7 +8,7 @@ use multiscopic::{
     Error, Frames, Method, Result,
     stereo::{MethodName, Paths, Pipeline, network::DotProducts},
 };
-use multiscopic_core::{Fusion, Params, Search};
+use multiscopic_core::{BlockMatchingParams, Fusion, SearchSpace};
 
 use super::{
     limits::limits,
@@ -145,7 +145,7 @@ impl fmt::Display for Measurement {
 ///
 /// Its contrast is that of textured images, and it has a match. Otherwise a search would take longer: fused costs often
 /// exceed 16 bits, and are then computed again.
-fn noise_frames(params: &Params) -> Frames {
+fn noise_frames(params: &BlockMatchingParams) -> Frames {
     let noise = |u: i32, v: i32| {
         let mut hash = (u as u32).wrapping_mul(0x9E37_79B1) ^ (v as u32).wrapping_mul(0x85EB_CA77);
         hash = (hash ^ hash >> 15).wrapping_mul(0x2C1B_3C6D);
@@ -185,7 +185,7 @@ fn opencv_matcher(method: &Method, num_disparities: usize) -> Result<String> {
 }
 
 /// The program that measures a matcher on frames of a search's size, on a number of threads, and takes the best of some runs.
-fn opencv_program(search: &Search, matcher: &str, [threads, repeat]: [usize; 2]) -> String {
+fn opencv_program(search: &SearchSpace, matcher: &str, [threads, repeat]: [usize; 2]) -> String {
     // OpenCV takes one thread per core if it is told -1, and none at all if 0.
     let threads = if threads == 0 { "-1".into() } else { threads.to_string() };
     let numbers = [("{width}", search.width()), ("{height}", search.height()), ("{repeat}", repeat)];

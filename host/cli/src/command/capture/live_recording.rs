@@ -6,7 +6,7 @@ use std::{
 };
 
 use multiscopic::{
-    Engine, Error, Preparation, Result,
+    Engine, Error, MatchSetup, Result,
     files::{
         output,
         ros::{RosRecording, RosStream},
@@ -56,7 +56,7 @@ impl<'a> LiveRecording<'a> {
         let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         let geometry = geometry.expect("the recorder knows the focal length and the baseline");
         let views = frames.views();
-        let preparation = Preparation::new(&frames, false, |range| self.search.search(frames.size(), views, None, range))?;
+        let preparation = MatchSetup::new(&frames, false, |range| self.search.search(frames.size(), views, None, range))?;
         let center = match &undistortion {
             Some(undistortion) => undistortion.picture(&center),
             None => center,

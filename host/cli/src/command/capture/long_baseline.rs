@@ -3,9 +3,9 @@
 use multiscopic::{
     DisparityMap, Engine, Frames, Geometry, Method, Result,
     capture::{Accuracy, Choice, Survey},
-    stereo::LongBaselines,
+    stereo::BaselineRefinement,
 };
-use multiscopic_core::{Search, View, Views};
+use multiscopic_core::{SearchSpace, View, Views};
 
 use crate::command::options::SearchOptions;
 
@@ -24,7 +24,7 @@ pub struct LongBaseline {
 /// The disparities of a capture that longer baselines make more accurate, step by step.
 pub struct Refinement<'a> {
     options: &'a LongBaseline,
-    search: Search,
+    search: SearchSpace,
     /// The filtered disparities of the views at the shortest baseline, around which the others are searched.
     prior: DisparityMap,
     survey: Survey,
@@ -40,16 +40,16 @@ impl LongBaseline {
         let short = method.disparities(&self.engine, frames, &search, &())?;
         let survey = Survey::new(&short, geometry, block_size.into())?;
         let choice = self.choose(&survey, &search);
-        let prior = match LongBaselines::DEFAULT.median {
+        let prior = match BaselineRefinement::DEFAULT.median {
             Some(median) => median.apply(&short),
             None => short,
         };
         Ok(Refinement { options: self, search, prior, survey, choice })
     }
 
-    fn choose(&self, survey: &Survey, search: &Search) -> Choice {
+    fn choose(&self, survey: &Survey, search: &SearchSpace) -> Choice {
         let nearest = at_multiple(search.views(), 1);
-        survey.choose(self.accuracy, nearest, LongBaselines::DEFAULT.num_disparities, self.reach_um)
+        survey.choose(self.accuracy, nearest, BaselineRefinement::DEFAULT.num_disparities, self.reach_um)
     }
 }
 
@@ -65,8 +65,10 @@ impl Refinement<'_> {
     /// Refines the disparities by all views of `frames`, and chooses the next. Returns what was reached, in words.
     pub fn refine(&mut self, frames: &Frames) -> Result<String> {
         // The prior is filtered already.
-        let long = LongBaselines { median: None, ..LongBaselines::DEFAULT };
-        let [_, longer @ ..] = &LongBaselines::sets(frames.views())[..] else { return Ok("reached: no longer baseline".into()) };
+        let long = BaselineRefinement { median: None, ..BaselineRefinement::DEFAULT };
+        let [_, longer @ ..] = &BaselineRefinement::sets(frames.views())[..] else {
+            return Ok("reached: no longer baseline".into());
+        };
         let refined = long.refine(&self.options.engine, frames, &self.search, longer, self.prior.clone(), &())?;
         // Where the long views found nothing, the prior stays, whose noise says nothing about them.
         let pixels = refined.pixels().iter().zip(self.prior.pixels()).map(|(found, prior)| found.filter(|_| found != prior));

@@ -12,7 +12,7 @@ use multiscopic::{
     images::Layout,
     scene::{PinholeCamera, Scene, Shot, render_views},
 };
-use multiscopic_core::{Params, Search, Views};
+use multiscopic_core::{BlockMatchingParams, SearchSpace, Views};
 
 use self::{
     results_folder::{Outcome, ResultsFolder},
@@ -157,7 +157,7 @@ impl Demo {
     }
 
     /// The search of each variant.
-    fn searches(&self, variants: &[Variant]) -> Result<Vec<Search>> {
+    fn searches(&self, variants: &[Variant]) -> Result<Vec<SearchSpace>> {
         let (min_disparity, num_disparities) = SearchOptions::DEFAULT_RANGE;
         // Disparities are proportional to the width.
         let num_disparities = (u32::from(num_disparities) * self.width).div_ceil(DEFAULT_WIDTH) as u16;
@@ -167,7 +167,7 @@ impl Demo {
     }
 
     /// The commands that make the results again.
-    fn commands(&self, params: &Params) -> String {
+    fn commands(&self, params: &BlockMatchingParams) -> String {
         let Demo { output, width, height, seed, .. } = self;
         let output = output.display();
         let mut layout = String::new();

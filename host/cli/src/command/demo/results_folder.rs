@@ -17,7 +17,7 @@ use multiscopic::{
     scene::{PinholeCamera, Shot},
     stereo::{MethodName, confidence_map::ConfidenceMap},
 };
-use multiscopic_core::{Frame, Search, View, Views};
+use multiscopic_core::{Frame, SearchSpace, View, Views};
 
 use super::variants;
 use crate::{
@@ -201,7 +201,7 @@ pub struct Outcome {
     /// The method with its parameters.
     pub method: Method,
     /// The range that it searched.
-    pub search: Search,
+    pub search: SearchSpace,
     /// The estimate.
     pub disparities: DisparityMap,
     /// Its confidences.

@@ -1,7 +1,7 @@
 //! The page with the results.
 
 use multiscopic::files::FrameFiles;
-use multiscopic_core::{Params, Views};
+use multiscopic_core::{BlockMatchingParams, Views};
 
 use super::{
     results_folder::{TRUTH_PNG, errors_png, frames, map_png},
@@ -31,7 +31,7 @@ pub struct ResultsPage<'a> {
     /// The variants that are compared, and their accuracy.
     pub errors: &'a Errors<'a>,
     /// The parameters of the first variant; all variants share range and block.
-    pub params: &'a Params,
+    pub params: &'a BlockMatchingParams,
     /// The maps and pictures to look at.
     pub scene: &'a ViewedScene,
     /// The measurement with the fewest errors.

@@ -3,7 +3,7 @@
 use multiscopic::{
     Error, Result,
     images::Layout,
-    stereo::{LongBaselines, MethodName},
+    stereo::{BaselineRefinement, MethodName},
 };
 use multiscopic_core::{Fusion, View, Views};
 
@@ -70,7 +70,7 @@ pub fn is_default(variant: &Variant) -> bool {
 }
 
 fn default_fusion(views: Views) -> Fusion {
-    Fusion::default_for(LongBaselines::shortest(views).len())
+    Fusion::default_for(BaselineRefinement::shortest(views).len())
 }
 
 /// The stem of a variant's files.

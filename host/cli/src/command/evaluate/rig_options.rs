@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use multiscopic::{
-    Error, FloatImage, Frames, Geometry, Preparation, Result, Rig, evaluation::ground_truth, images::ImageRegion,
+    Error, FloatImage, Frames, Geometry, MatchSetup, Result, Rig, evaluation::ground_truth, images::ImageRegion,
     lens::Undistortion,
 };
 
@@ -63,7 +63,7 @@ pub struct PreparedRig {
     /// The true disparities of the centre, if they are known.
     pub truth: Option<FloatImage>,
     /// Their preparation, with what it found.
-    pub preparation: Preparation,
+    pub preparation: MatchSetup,
 }
 
 impl RigOptions {

@@ -6,11 +6,11 @@ use std::{
 };
 
 use multiscopic::{
-    DisparityMap, Engine, Frames, Inspection, Method, Preparation, Progress, Result,
+    DisparityMap, Engine, Frames, Inspection, MatchSetup, Method, Progress, Result,
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
-use multiscopic_core::{Frame, Search};
+use multiscopic_core::{Frame, SearchSpace};
 
 use crate::{
     command::{
@@ -38,7 +38,7 @@ pub struct TunedRig {
 pub struct TunedMatch {
     pub name: &'static str,
     pub method: Method,
-    pub search: Search,
+    pub search: SearchSpace,
 }
 
 /// The outcome of a match.
@@ -111,7 +111,7 @@ impl TunedRig {
             100.0 * valid,
             terminal::sure(confidence_map::sure_share(&confidences))
         );
-        let preparation = Preparation {
+        let preparation = MatchSetup {
             inspection: self.inspection.clone(),
             alignment: None,
             range: SearchOptions::DEFAULT_RANGE,

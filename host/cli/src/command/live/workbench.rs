@@ -13,7 +13,7 @@ use multiscopic::{
     stereo::{CostFunction, Pipeline},
     target::Ram,
 };
-use multiscopic_core::{Params, SemiGlobalCost, SemiGlobalParams};
+use multiscopic_core::{BlockMatchingParams, SemiGlobalCost, SemiGlobalParams};
 use multiscopic_edge::Matching;
 use multiscopic_options::page::{self, Control, Settings};
 use serde::{Deserialize, Serialize};
@@ -210,7 +210,7 @@ fn prediction(plan: &TunedMatch, processor: Processor) -> std::result::Result<Pr
     let TunedMatch { name, method, search } = plan;
     let matching = match &method.pipeline {
         Pipeline::BlockMatching { block_size } => {
-            let params = Params::block_matching(*search, *block_size).map_err(|error| error.to_string())?;
+            let params = BlockMatchingParams::block_matching(*search, *block_size).map_err(|error| error.to_string())?;
             Matching::Blocks { params, tile_width: params.width() }
         }
         Pipeline::SemiGlobal { cost: CostFunction::Sad { block_size }, paths } => {

@@ -15,7 +15,7 @@ use multiscopic::{
 };
 
 #[cfg(feature = "mcap")]
-use multiscopic_core::Search;
+use multiscopic_core::SearchSpace;
 
 use crate::command::options::{MapFiles, output_file};
 
@@ -164,7 +164,7 @@ impl Outputs {
     #[cfg(feature = "mcap")]
     pub fn record(
         &self,
-        search: &Search,
+        search: &SearchSpace,
         disparities: &DisparityMap,
         confidences: Option<&ConfidenceMap>,
         geometry: Option<&Geometry>,

@@ -5,11 +5,11 @@ use std::fmt::{self, Display};
 use multiscopic::{
     DisparityMap,
     stereo::{
-        LongBaselines,
+        BaselineRefinement,
         confidence_map::{self, ConfidenceMap},
     },
 };
-use multiscopic_core::Search;
+use multiscopic_core::SearchSpace;
 use serde::{Deserialize, Serialize};
 
 use crate::command::terminal;
@@ -41,7 +41,7 @@ impl Summary {
     /// Of a map that took so many seconds.
     pub fn new(
         method: &str,
-        search: &Search,
+        search: &SearchSpace,
         disparities: &DisparityMap,
         confidences: Option<&ConfidenceMap>,
         seconds: f64,
@@ -52,7 +52,7 @@ impl Summary {
             height: search.height(),
             method: method.into(),
             views: search.views().len(),
-            baselines: LongBaselines::sets(search.views()).iter().map(|views| u32::from(views.multiple())).collect(),
+            baselines: BaselineRefinement::sets(search.views()).iter().map(|views| u32::from(views.multiple())).collect(),
             fusion: search.fusion().name().into(),
             min_disparity: search.min_disparity(),
             num_disparities: search.num_disparities(),

@@ -7,9 +7,9 @@ use std::{
 
 use multiscopic::{
     DisparityMap, Error, Method, Picture, Result,
-    stereo::{CostFunction, LongBaselines, Pipeline, confidence_map::ConfidenceMap},
+    stereo::{BaselineRefinement, CostFunction, Pipeline, confidence_map::ConfidenceMap},
 };
-use multiscopic_core::Search;
+use multiscopic_core::SearchSpace;
 
 use crate::{
     command::{limits::limits, options::SearchOptions, scene::TRUTH_FILE_NAME, terminal},
@@ -93,7 +93,7 @@ fn confidences(path: &Path, map: &DisparityMap) -> Result<Option<ConfidenceMap>>
 pub fn matched_map<'a>(
     name: String,
     method: (&str, &Method),
-    search: &Search,
+    search: &SearchSpace,
     (disparities, confidences): (&'a DisparityMap, Option<&'a ConfidenceMap>),
     seconds: Option<f64>,
 ) -> ViewedMap<'a> {
@@ -104,7 +104,8 @@ pub fn matched_map<'a>(
         }
         _ => None,
     };
-    let is_exact = matches!(method.pipeline, Pipeline::BlockMatching { .. }) && LongBaselines::sets(search.views()).len() == 1;
+    let is_exact =
+        matches!(method.pipeline, Pipeline::BlockMatching { .. }) && BaselineRefinement::sets(search.views()).len() == 1;
     let views: Vec<String> = search.views().iter().map(|view| view.to_string()).collect();
     let mut parameters = vec![
         ("method".to_owned(), method_name.to_owned()),

@@ -16,7 +16,7 @@ use multiscopic::{
     files::output,
     stereo::{MethodName, confidence_map::ConfidenceMap},
 };
-use multiscopic_core::{Frame, Search};
+use multiscopic_core::{Frame, SearchSpace};
 
 use self::maps::MapFile;
 #[cfg(feature = "live")]
@@ -84,7 +84,7 @@ pub struct View {
 struct Matched {
     name: MethodName,
     method: Method,
-    search: Search,
+    search: SearchSpace,
     disparities: DisparityMap,
     confidences: ConfidenceMap,
     seconds: f64,

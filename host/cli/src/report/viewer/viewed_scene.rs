@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use image::{RgbImage, codecs::jpeg::JpegEncoder};
-use multiscopic_core::{Frame, Search, View};
+use multiscopic_core::{Frame, SearchSpace, View};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -254,7 +254,7 @@ pub struct BlockCosts {
 
 impl BlockCosts {
     /// The costs of a search with blocks. `exact` tells whether the map was made by them.
-    pub fn new(search: &Search, block_size: u8, exact: bool) -> BlockCosts {
+    pub fn new(search: &SearchSpace, block_size: u8, exact: bool) -> BlockCosts {
         BlockCosts {
             block_size,
             min_disparity: search.min_disparity(),

@@ -3,7 +3,7 @@
 mod half_turn;
 
 use multiscopic_core::{
-    Census, Disparity, Fusion, Search, SemiGlobalCost,
+    Census, Disparity, Fusion, SearchSpace, SemiGlobalCost,
     kernel::{Kernel, Work},
     network::{
         BLOCK, CANDIDATE_CHANNELS, MAX_ACTIVATION, MAX_POOLED_COST, MEASURES, PixelRow, block_rows, cost_channel, cost_measure,
@@ -51,7 +51,12 @@ impl Inputs {
     ///
     /// # Errors
     /// As [`Engine::check`].
-    pub fn new(frames: &Planes<'_>, search: &Search, engine: &Engine, progress: &dyn Progress) -> Result<Inputs, EngineError> {
+    pub fn new(
+        frames: &Planes<'_>,
+        search: &SearchSpace,
+        engine: &Engine,
+        progress: &dyn Progress,
+    ) -> Result<Inputs, EngineError> {
         engine.check(frames, search)?;
         let search = &paired(search);
         let census = Census::Window9x7;
@@ -80,7 +85,7 @@ impl Inputs {
     }
 
     /// Inputs without anything that costs give.
-    pub(super) fn empty(frames: &Planes<'_>, search: &Search) -> Inputs {
+    pub(super) fn empty(frames: &Planes<'_>, search: &SearchSpace) -> Inputs {
         let (width, height, count) = (search.width(), search.height(), search.num_disparities());
         let blocks = [width, height].map(padded_blocks);
         let colors: Vec<[u8; 3]> = match frames.color() {
@@ -135,13 +140,13 @@ impl Inputs {
     }
 
     /// A disparity from the least of the search on; 0 if there is none.
-    pub(super) fn steps(disparity: Option<Disparity>, search: &Search) -> u16 {
+    pub(super) fn steps(disparity: Option<Disparity>, search: &SearchSpace) -> u16 {
         let least = i32::from(search.min_disparity()) * Disparity::STEPS;
         disparity.map_or(0, |disparity| (i32::from(disparity.to_bits()) - least) as u16)
     }
 
     /// Takes the sums of path costs of a pass, whose disparities are taken.
-    pub(super) fn take_sums(&mut self, sums: &PassSums, search: &Search, engine: &Engine) {
+    pub(super) fn take_sums(&mut self, sums: &PassSums, search: &SearchSpace, engine: &Engine) {
         let channel = if sums.pass == 1 { 4 } else { 6 };
         self.take_lines(sums, sums.first / BLOCK, search, engine, |candidate, sum, least| {
             candidate[channel..channel + 2].copy_from_slice(&excess_channels(sum, least));
@@ -161,7 +166,7 @@ impl Inputs {
         &mut self,
         lines: &L,
         first: usize,
-        search: &Search,
+        search: &SearchSpace,
         engine: &Engine,
         put: impl Fn(&mut [u8; CANDIDATE_CHANNELS], u16, u8) + Sync,
     ) {
@@ -264,7 +269,7 @@ impl Scratch {
 /// Takes the lines of a row of blocks.
 struct TakeRow<'a, L> {
     lines: &'a L,
-    search: &'a Search,
+    search: &'a SearchSpace,
     winners: &'a [Raster<u16>; 2],
     row: usize,
     stride: usize,

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use multiscopic_core::{Frame, Search, View};
+use multiscopic_core::{Frame, SearchSpace, View};
 use rayon::prelude::*;
 
 use super::{
@@ -45,7 +45,7 @@ impl<'a> Costs<'a> {
     ///
     /// # Panics
     /// If the frames have another size than `search`, or a view is missing.
-    pub fn new(network: &'a Network, frames: &Frames, search: &Search) -> Costs<'a> {
+    pub fn new(network: &'a Network, frames: &Frames, search: &SearchSpace) -> Costs<'a> {
         assert_eq!(frames.size(), [search.width(), search.height()], "the size of the frames");
         let rolling = |frame: Frame| {
             let image = frames.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
@@ -76,7 +76,7 @@ impl<'a> Costs<'a> {
     }
 
     /// Computes the costs of `rows` on the threads of the current pool. `out` has a slice for each view, in
-    /// the order of [`Search::views`], with the costs row by row and pixel by pixel, the smallest disparity
+    /// the order of [`SearchSpace::views`], with the costs row by row and pixel by pixel, the smallest disparity
     /// first.
     ///
     /// It is fastest to ask for each row once, from top to bottom: rows of vertical views that are needed

@@ -1,6 +1,6 @@
 //! The fused costs of a network.
 
-use multiscopic_core::Search;
+use multiscopic_core::SearchSpace;
 use rayon::prelude::*;
 
 use super::{costs::Costs, network::Network};
@@ -15,7 +15,7 @@ use crate::{
 ///
 /// # Panics
 /// If the frames have another size than `search`, or a view is missing.
-pub fn fused_costs(network: &Network, frames: &Frames, search: &Search, progress: &dyn Progress) -> Volume<f32> {
+pub fn fused_costs(network: &Network, frames: &Frames, search: &SearchSpace, progress: &dyn Progress) -> Volume<f32> {
     progress.begin(search.height() as u64, "lines");
     let mut fused = Volume::filled(search.width(), search.height(), search.num_disparities(), 0.0);
     let row = fused.row_len();

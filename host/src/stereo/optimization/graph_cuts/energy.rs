@@ -1,6 +1,6 @@
 //! The energy of a labelling.
 
-use multiscopic_core::{Frame, Fusion, MatchingCost, Search, View};
+use multiscopic_core::{Frame, Fusion, MatchingCost, SearchSpace, View};
 
 use super::{
     matched_image::MatchedImage,
@@ -46,7 +46,7 @@ impl Energy {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn new(method: &GraphCuts, cost: BirchfieldTomasi, frames: &Frames, search: &Search) -> Energy {
+    pub fn new(method: &GraphCuts, cost: BirchfieldTomasi, frames: &Frames, search: &SearchSpace) -> Energy {
         let colored = cost.matches_color(frames);
         let image = |frame| {
             let gray = frames.get(frame).expect("the frames have every view of the search");
@@ -221,7 +221,7 @@ impl Energy {
     /// the mean over the pixels of their k-th smallest cost, where k is a quarter of the number of
     /// disparities, and at least 3. So about a quarter of the disparities of a pixel cost less than an
     /// occlusion.
-    fn automatic_occlusion(&self, search: &Search) -> f64 {
+    fn automatic_occlusion(&self, search: &SearchSpace) -> f64 {
         let disparities = search.num_disparities();
         let k = (disparities / 4).max(3).min(disparities);
         let mut rows = vec![0; self.width * disparities];

@@ -1,7 +1,7 @@
 //! Matching in enlarged images, whose whole disparities are fractions of a pixel of the original images.
 
 use image::ImageBuffer;
-use multiscopic_core::{Disparity, Frame, Params, Search, SearchConfig};
+use multiscopic_core::{BlockMatchingParams, Disparity, Frame, SearchConfig, SearchSpace};
 
 use crate::{
     error::{Error, Result},
@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// The frames that `search` needs, enlarged by the factor `times`.
-pub fn frames(frames: &Frames, search: &Search, times: u8) -> Frames {
+pub fn frames(frames: &Frames, search: &SearchSpace, times: u8) -> Frames {
     let picture = |frame| match frames.color(frame) {
         Some(color) => Picture::Rgb(image(color, times)),
         None => Picture::Gray(image(frames.get(frame).expect("the frames have every view of the search"), times)),
@@ -50,7 +50,7 @@ fn image<P: image::Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>>, times:
 ///
 /// # Errors
 /// [`Error::Usage`] if the enlarged frames or their disparities are too large.
-pub fn params(search: &Params, times: u8) -> Result<Params> {
+pub fn params(search: &BlockMatchingParams, times: u8) -> Result<BlockMatchingParams> {
     let factor = i32::from(times);
     let [width, height] = [search.width(), search.height()].map(|side| side * usize::from(times));
     let too_large = |found: String| Error::Usage(format!("images enlarged {times} times have {found}: enlarge less"));
@@ -60,7 +60,7 @@ pub fn params(search: &Params, times: u8) -> Result<Params> {
     if least < i32::from(Disparity::MIN_SEARCH) || most > i32::from(Disparity::MAX_SEARCH) {
         return Err(too_large(format!("disparities {least}..={most}, and 511 is the most, either way")));
     }
-    let block = ((search.block_size() * usize::from(times)) | 1).min(Params::MAX_BLOCK_SIZE.into());
+    let block = ((search.block_size() * usize::from(times)) | 1).min(BlockMatchingParams::MAX_BLOCK_SIZE.into());
     let (min_disparity, num_disparities) = (least as i16, (most - least + 1) as u16);
     let (width, height) = (side(width)?, side(height)?);
     let enlarged = SearchConfig { width, height, min_disparity, num_disparities, ..search.search().config() };
@@ -143,7 +143,7 @@ mod tests {
             .block_matching(21)
             .unwrap()
         );
-        let message = |search: Params, times: u8| params(&search, times).unwrap_err().to_string();
+        let message = |search: BlockMatchingParams, times: u8| params(&search, times).unwrap_err().to_string();
         assert!(message(search(20000, 1, 9), 4).contains("a side of 80000 pixels"));
         assert!(message(search(100, 1, 200), 3).contains("disparities 3..=600"));
         assert!(params(&search(100, 1, 170), 3).is_ok());

@@ -38,7 +38,7 @@ pub use max_flow::{MaxFlow, Topology};
 pub use parameters::{GraphCuts, Occlusion, Smoothness};
 pub use pixel::{Label, NeighborPair, OCCLUDED, Pixel};
 
-use multiscopic_core::{Params, Search};
+use multiscopic_core::{BlockMatchingParams, SearchSpace};
 
 use matched_image::MatchedImage;
 
@@ -72,7 +72,7 @@ impl GraphCuts {
         cost: BirchfieldTomasi,
         engine: &Engine,
         frames: &Frames,
-        search: &Search,
+        search: &SearchSpace,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         let views = search.views().len();
@@ -80,7 +80,7 @@ impl GraphCuts {
             let message = format!("matches cannot be unique in {views} views: use one neighbour, or capped occlusions");
             return Err(Error::Usage(message));
         }
-        let params = Params::block_matching(*search, self.start_block_size)?;
+        let params = BlockMatchingParams::block_matching(*search, self.start_block_size)?;
         match self.upsample {
             1 => self.minimize(cost, engine, frames, &params, progress),
             times @ 2..=GraphCuts::MAX_UPSAMPLE => {
@@ -103,7 +103,7 @@ impl GraphCuts {
         cost: BirchfieldTomasi,
         engine: &Engine,
         frames: &Frames,
-        params: &Params,
+        params: &BlockMatchingParams,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         let search = params.search();

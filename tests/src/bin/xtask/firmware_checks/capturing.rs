@@ -1,7 +1,7 @@
 //! Runs the capturing firmware on a simulated slide and sensor: without faults, and with each fault in turn.
 
 use anyhow::{Context, Result, ensure};
-use multiscopic_core::{Disparity, Params};
+use multiscopic_core::{BlockMatchingParams, Disparity};
 use multiscopic_edge::{Matching, frame_file, profile::CAPTURE};
 use std::{fs, path::Path};
 
@@ -126,7 +126,7 @@ impl Run<'_> {
 }
 
 /// Fails unless the packets at `path` are a complete frame of the expected disparities.
-fn same(path: &Path, params: &Params, expected: &[Option<Disparity>]) -> Result<()> {
+fn same(path: &Path, params: &BlockMatchingParams, expected: &[Option<Disparity>]) -> Result<()> {
     let bytes = fs::read(path).with_context(|| format!("the firmware sent no {}", path.display()))?;
     received::same(&received::whole(&bytes, path, params.search())?.disparities, expected)
 }

@@ -7,7 +7,8 @@ use multiscopic::{
     stereo::{CostFunction, Pipeline, SemiGlobal, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::{
-    Disparity, Frame, Matcher, Params, Region, SemiGlobalCost, SemiGlobalMatcher, View, Views, network::NetworkParams,
+    BlockMatchingParams, Disparity, Frame, Matcher, Region, SemiGlobalCost, SemiGlobalMatcher, View, Views,
+    network::NetworkParams,
 };
 use multiscopic_edge::{Matching, WholeLines, frame_file::FrameFile};
 use multiscopic_tests::test_images::{
@@ -126,7 +127,7 @@ impl ImageSet {
         Ok(method.disparities_and_confidences(&Engine::new(None, 2)?, &self.frames(), params.search(), &())?)
     }
 
-    fn matched_blocks(&self, params: &Params) -> Result<Vec<Option<Disparity>>> {
+    fn matched_blocks(&self, params: &BlockMatchingParams) -> Result<Vec<Option<Disparity>>> {
         let (mut line, mut disparities) = (vec![None; params.width()], Vec::new());
         let mut source = StrictSource::new(&self.images, params, &Region::whole(params.search()));
         let mut memory = vec![0; params.memory_words()];

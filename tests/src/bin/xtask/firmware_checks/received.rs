@@ -7,12 +7,12 @@ use multiscopic::{
     stereo::confidence_map::ConfidenceMap,
     target::reception::{self, Flaw, Notice, ReceivedFrame},
 };
-use multiscopic_core::{Disparity, Search};
+use multiscopic_core::{Disparity, SearchSpace};
 use std::path::Path;
 
 /// The frame in `bytes`, which were read from `path`. Fails unless every pixel comes exactly once, undamaged,
 /// and nothing else follows.
-pub fn whole(mut bytes: &[u8], path: &Path, search: &Search) -> Result<ReceivedFrame> {
+pub fn whole(mut bytes: &[u8], path: &Path, search: &SearchSpace) -> Result<ReceivedFrame> {
     let mut flaws: Vec<Flaw> = Vec::new();
     let received = reception::receive(&mut bytes, path, Limits::DEFAULT, |notice| match notice {
         Notice::Flaw(flaw) => flaws.push(flaw),
@@ -67,11 +67,11 @@ pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
 mod tests {
     use super::*;
     use multiscopic_core::SearchConfig;
-    use multiscopic_core::{Fusion, Params, Region};
+    use multiscopic_core::{BlockMatchingParams, Fusion, Region};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
     const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 2) };
-    const PARAMS: Params = match SEARCH.block_matching(3) {
+    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
@@ -89,7 +89,7 @@ mod tests {
         packets.flat_map(|(_, packet)| packet).collect()
     }
 
-    fn error(bytes: &[u8], params: &Params) -> String {
+    fn error(bytes: &[u8], params: &BlockMatchingParams) -> String {
         whole(bytes, Path::new("packets"), params.search()).unwrap_err().to_string()
     }
 

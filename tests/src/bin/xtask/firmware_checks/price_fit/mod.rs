@@ -7,7 +7,7 @@ use multiscopic::target::{
     Processor,
     instruction_model::{CandidateUnits, Prices, WorkUnits, Workload},
 };
-use multiscopic_core::{Fusion, Params, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
+use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, Views};
 use multiscopic_edge::{Matching, Wide};
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -139,7 +139,7 @@ impl Shape {
         ImageSet::demo_middle([width, height], [self.width.into(), self.height.into()], views)
     }
 
-    fn search(&self, (views, fusion): (Views, Fusion)) -> Result<Search> {
+    fn search(&self, (views, fusion): (Views, Fusion)) -> Result<SearchSpace> {
         Ok(SearchConfig {
             width: self.width,
             height: self.height,
@@ -151,8 +151,8 @@ impl Shape {
         .checked()?)
     }
 
-    fn blocks(&self, variant: (Views, Fusion), block_size: u8) -> Result<Params> {
-        Ok(Params::block_matching(self.search(variant)?, block_size)?)
+    fn blocks(&self, variant: (Views, Fusion), block_size: u8) -> Result<BlockMatchingParams> {
+        Ok(BlockMatchingParams::block_matching(self.search(variant)?, block_size)?)
     }
 }
 

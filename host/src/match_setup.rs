@@ -1,6 +1,6 @@
 //! The work between reading frames and matching them, and the warnings after it.
 
-use multiscopic_core::{Frame, Search};
+use multiscopic_core::{Frame, SearchSpace};
 
 use crate::{
     alignment::{Alignment, Inspection},
@@ -16,7 +16,7 @@ const PILE: f64 = 3.0;
 
 /// Frames' properties before they are matched: what the images show, how they were rectified, and the range to search.
 #[derive(Clone, Debug)]
-pub struct Preparation {
+pub struct MatchSetup {
     /// The inspection of the prepared images.
     pub inspection: Inspection,
     /// The alignment that rectified them, if that was asked for.
@@ -24,19 +24,19 @@ pub struct Preparation {
     /// The smallest disparity and the number of disparities, unless options override them.
     pub range: (i16, u16),
     /// The search in this range.
-    pub search: Search,
+    pub search: SearchSpace,
 }
 
-impl Preparation {
+impl MatchSetup {
     /// Leaves `frames` as they are. `search` makes a search of a range of disparities: the smallest one and their number. The
     /// range is the one that the images show if `auto_range` is set, and else [that of the paper](Method::DEFAULT_RANGE).
     ///
     /// # Errors
     /// Those of `search`, and [`Error::UnknownRange`](crate::Error::UnknownRange) if the images do not show a range.
-    pub fn new(frames: &Frames, auto_range: bool, search: impl Fn((i16, u16)) -> Result<Search>) -> Result<Preparation> {
+    pub fn new(frames: &Frames, auto_range: bool, search: impl Fn((i16, u16)) -> Result<SearchSpace>) -> Result<MatchSetup> {
         let inspection = Inspection::of(frames);
         let range = range(&inspection, auto_range)?;
-        Ok(Preparation { search: search(range)?, inspection, alignment: None, range })
+        Ok(MatchSetup { search: search(range)?, inspection, alignment: None, range })
     }
 
     /// Rectifies `frames`, and the principal point of their geometry with them. `rectified` gives the frames as an alignment
@@ -48,10 +48,10 @@ impl Preparation {
         frames: &mut Frames,
         geometry: &mut Option<Geometry>,
         auto_range: bool,
-        search: impl Fn((i16, u16)) -> Result<Search>,
+        search: impl Fn((i16, u16)) -> Result<SearchSpace>,
         rectified: impl FnOnce(&Alignment) -> Result<Frames>,
-    ) -> Result<Preparation> {
-        let before = Preparation::new(frames, auto_range, &search)?;
+    ) -> Result<MatchSetup> {
+        let before = MatchSetup::new(frames, auto_range, &search)?;
         let alignment = Alignment::estimate(frames, &before.search, geometry.as_ref())?;
         *frames = rectified(&alignment)?;
         if let Some(geometry) = geometry {
@@ -60,7 +60,7 @@ impl Preparation {
         // Views that are turned show other disparities.
         let inspection = alignment.inspect(&before.inspection, frames);
         let range = range(&inspection, auto_range)?;
-        Ok(Preparation { search: search(range)?, inspection, alignment: Some(alignment), range })
+        Ok(MatchSetup { search: search(range)?, inspection, alignment: Some(alignment), range })
     }
 
     /// The truth of the prepared centre, given that of the centre in its file.
@@ -73,8 +73,8 @@ impl Preparation {
     }
 
     /// Returns the reasons to doubt the images, or the disparities that a `search` found in them.
-    pub fn warnings(&self, disparities: &DisparityMap, search: &Search) -> Vec<Warning> {
-        let Preparation { inspection, alignment, .. } = self;
+    pub fn warnings(&self, disparities: &DisparityMap, search: &SearchSpace) -> Vec<Warning> {
+        let MatchSetup { inspection, alignment, .. } = self;
         // Swapped views explain disparities at the end of the range.
         let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
         let cut = match is_swapped {
@@ -95,7 +95,7 @@ fn range(inspection: &Inspection, auto_range: bool) -> Result<(i16, u16)> {
 
 /// Warns if disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on
 /// the share `flat` of the centre, any of them may win.
-fn cut_range(disparities: &DisparityMap, search: &Search, flat: f64) -> Option<Warning> {
+fn cut_range(disparities: &DisparityMap, search: &SearchSpace, flat: f64) -> Option<Warning> {
     let (first, last, count) = (search.min_disparity(), search.max_disparity(), search.num_disparities());
     let [at_first, at_last] = disparities.shares_at_ends(first..=last);
     let limit = f64::max(MIN_PILE, PILE / count as f64) + flat;

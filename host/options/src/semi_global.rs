@@ -98,11 +98,7 @@ impl Named for CostName {
     }
 
     fn about(&self) -> &'static str {
-        match self {
-            CostName::Census => "Bits in which the census transforms differ",
-            CostName::Census2 => "The mean of two: of the images, and of blurred ones with a window of three times the size",
-            CostName::Sad => "The sum of absolute differences over a block, of 5 x 5 pixels unless --block-size is given",
-        }
+        CostName::about(*self)
     }
 }
 

@@ -10,9 +10,10 @@ use super::{
     baselines::BaselineRefinement,
     confidence_map::{self, ConfidenceMap},
     cost::{
-        BirchfieldTomasi, BlockRows, CensusPairRows, CensusRows, CostRows, SadRows, Volume,
+        BirchfieldTomasi, BlockRows, Volume,
         mccnn::{self, Network},
     },
+    cost_function::CostFunction,
     network::{DisparityNetwork, Inputs},
     optimization::{
         edge_aware::{EdgeAware, Penalties},
@@ -92,51 +93,6 @@ pub enum Pipeline {
     /// `net`: a small network that decides between two passes of semi-global matching, by the census at one scale and at two, in the
     /// window of 9 x 7 pixels.
     Network(&'static DisparityNetwork),
-}
-
-/// A matching cost of semi-global matching, in bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CostFunction {
-    /// The sum of absolute differences over a block.
-    Sad {
-        /// The side of the block in pixels: see [`SemiGlobalCost`].
-        block_size: u8,
-    },
-    /// The Hamming distance of census transforms (Zabih and Woodfill 1994).
-    Census(Census),
-    /// The mean of that distance and the one of blurred images, in which the pixels of the window are three pixels apart.
-    TwoScaleCensus(Census),
-}
-
-impl CostFunction {
-    /// The fused costs of `frames`, prepared on the threads of `engine`.
-    ///
-    /// # Errors
-    /// If the block size is out of its range.
-    ///
-    /// # Panics
-    /// If a view of `search` is missing.
-    pub fn rows<'a>(
-        self,
-        frames: &Frames,
-        search: &'a SearchSpace,
-        engine: &Engine,
-    ) -> Result<Box<dyn CostRows<Cost = u8> + 'a>> {
-        let planes = &frames.planes();
-        Ok(match self {
-            CostFunction::Sad { block_size } => Box::new(SadRows::new(engine, planes, search, block_size)?),
-            CostFunction::Census(census) => Box::new(CensusRows::new(planes, search, census, engine)),
-            CostFunction::TwoScaleCensus(census) => Box::new(CensusPairRows::two_scales(planes, search, census, engine)),
-        })
-    }
-
-    /// The probabilities that disparities are right, by the peak ratios of the sums of this cost along paths.
-    fn confidence_table(self) -> &'static ConfidenceTable {
-        match self {
-            CostFunction::Sad { .. } => &ConfidenceTable::SEMI_GLOBAL,
-            CostFunction::Census(_) | CostFunction::TwoScaleCensus(_) => &confidence_map::CENSUS,
-        }
-    }
 }
 
 impl Method {

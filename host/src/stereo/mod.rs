@@ -17,6 +17,7 @@
 //! | [`confidence_map`] | the probabilities that disparities are right |
 //! | [`BaselineRefinement`] | the refinement by views at longer baselines |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
+//! | [`CostFunction`] | the costs of semi-global matching, and their names |
 //! | [`Method`] | a [`Pipeline`] of these steps, and its [`Refinement`] |
 //! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
 //! | [`MethodName`] | the methods by name, each with its defaults |
@@ -25,6 +26,7 @@ pub mod aggregation;
 mod baselines;
 pub mod confidence_map;
 pub mod cost;
+mod cost_function;
 mod memory_demand;
 mod method;
 mod method_name;
@@ -40,8 +42,9 @@ pub use multiscopic_engine::{
 
 pub use baselines::BaselineRefinement;
 pub use cost::Volume;
-pub use method::{CostFunction, Method, Pipeline};
+pub use cost_function::{CostFunction, CostName};
+pub use method::{Method, Pipeline};
 pub use method_name::MethodName;
 pub use network_inputs::write_inputs;
 pub use refinement::Refinement;
-pub use semi_global_method::{CostName, SemiGlobalMethod};
+pub use semi_global_method::SemiGlobalMethod;

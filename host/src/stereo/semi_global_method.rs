@@ -1,10 +1,11 @@
 //! Semi-global matching as options describe it.
 
-use multiscopic_core::{Census, PathPenalties, SemiGlobalCost};
+use multiscopic_core::{Census, PathPenalties};
 
 use super::{
     Paths, SemiGlobal,
-    method::{CostFunction, Method, Pipeline},
+    cost_function::CostName,
+    method::{Method, Pipeline},
 };
 use crate::error::Result;
 
@@ -15,7 +16,7 @@ pub struct SemiGlobalMethod {
     pub cost: CostName,
     /// The window of census transforms.
     pub census: Census,
-    /// The side of the block of [`CostName::Sad`] in pixels: [`SemiGlobalCost::DEFAULT_BLOCK_SIZE`] if it is `None`.
+    /// The side of the block of [`CostName::Sad`] in pixels: 5 if it is `None`.
     pub block_size: Option<u8>,
     /// The penalty for a disparity change of one.
     pub p1: Option<u8>,
@@ -25,31 +26,6 @@ pub struct SemiGlobalMethod {
     pub p2_edge: Option<u8>,
     /// The sides that paths come from.
     pub paths: Paths,
-}
-
-/// A matching cost of semi-global matching.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CostName {
-    /// The census transform.
-    Census,
-    /// The census transform at two scales.
-    Census2,
-    /// Sums of absolute differences.
-    Sad,
-}
-
-impl CostName {
-    /// All costs.
-    pub const ALL: [CostName; 3] = [CostName::Census, CostName::Census2, CostName::Sad];
-
-    /// The name on command lines.
-    pub const fn name(self) -> &'static str {
-        match self {
-            CostName::Census => "census",
-            CostName::Census2 => "census2",
-            CostName::Sad => "sad",
-        }
-    }
 }
 
 impl Default for SemiGlobalMethod {
@@ -66,19 +42,8 @@ impl SemiGlobalMethod {
     /// # Errors
     /// If the block size or a penalty is out of range.
     pub fn method(&self, views: usize) -> Result<Method> {
-        let core_cost = match self.cost {
-            CostName::Census | CostName::Census2 => SemiGlobalCost::Census(self.census),
-            CostName::Sad => {
-                let block_size = self.block_size.unwrap_or(SemiGlobalCost::DEFAULT_BLOCK_SIZE);
-                SemiGlobalCost::Sad { block_size }.checked()?
-            }
-        };
-        let cost = match core_cost {
-            SemiGlobalCost::Sad { block_size } => CostFunction::Sad { block_size },
-            SemiGlobalCost::Census(census) if self.cost == CostName::Census2 => CostFunction::TwoScaleCensus(census),
-            SemiGlobalCost::Census(census) => CostFunction::Census(census),
-        };
-        let default = core_cost.default_penalties(views);
+        let cost = self.cost.function(self.census, self.block_size)?;
+        let default = cost.default_penalties(views);
         let p1 = self.p1.unwrap_or(default.p1());
         let p2 = match self.p1 {
             Some(p1) => p1.saturating_mul(6).min(PathPenalties::MAX),

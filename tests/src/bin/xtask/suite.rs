@@ -82,13 +82,12 @@ const LONG: [&str; 14] = [
 ];
 
 /// The static checks.
-const LINT: [Step; 10] = [
+const LINT: [Step; 9] = [
     Step { name: "formatting", scope: Test, run: static_checks::formatting },
     Step { name: "architecture", scope: Test, run: architecture },
     Step { name: "lints", scope: Test, run: static_checks::lints },
     Step { name: "lints for Arm", scope: Test, run: || static_checks::lints_for_arm(&arm()?) },
     Step { name: "lints for RISC-V", scope: Test, run: static_checks::lints_for_risc_v },
-    Step { name: "lints for the Pico 2", scope: Test, run: || pico2::lint(&arm()?) },
     Step { name: "features", scope: Test, run: features::check },
     Step { name: "supply chain", scope: Test, run: || SupplyChain::CHECK.run() },
     Step { name: "subjects of commits", scope: Test, run: static_checks::subjects },
@@ -125,8 +124,9 @@ const TESTS: [Step; 25] = [
 ];
 
 /// The tests of the firmware, and of the libraries as firmware depends on them.
-const FIRMWARE: [Step; 12] = [
+const FIRMWARE: [Step; 13] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
+    Step { name: "lints for the Pico 2", scope: All, run: || pico2::lint(&arm()?) },
     Step { name: "the firmware for the Pico 2", scope: Test, run: || pico2::build(&arm()?) },
     Step { name: "both kernels in the emulator", scope: Sample, run: || kernel_twins::run_sample(&arm()?) },
     Step { name: "the kernels on each processor", scope: All, run: || kernel_twins::run(&arm()?) },

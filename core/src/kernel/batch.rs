@@ -19,8 +19,8 @@
 //! are computed once. That pays for `J` of 1 or 2 vectors: more do not fit the registers.
 //!
 //! The decisions that hold for a whole batch are constants of the inner function (`J`, `MASKED`, and the rule, which is a
-//! constant after inlining), so that the loop over the columns has no branch but its own. Padding has no loop of its own: the
-//! maximum with zeros takes no longer than a measurement shows.
+//! constant after inlining), so that the loop over the columns has no branch but its own. Padding has no loop of its own: a
+//! maximum with zeros, where there is none, takes no time that `bench` can show.
 //!
 //! Invariants that the unsafe code relies on:
 //! - A stretch has samples and sums for each of its columns: `Steps::new` has checked the whole line.

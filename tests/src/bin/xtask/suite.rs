@@ -95,7 +95,7 @@ const LINT: [Step; 9] = [
 ];
 
 /// The tests on this machine. Those that need the same build are beside each other.
-const TESTS: [Step; 25] = [
+const TESTS: [Step; 26] = [
     Step { name: "tests in debug", scope: Test, run: tests_in_debug },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
     Step { name: "the published packages, packed", scope: Sample, run: crates::pack },
@@ -105,6 +105,7 @@ const TESTS: [Step; 25] = [
     Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
     Step { name: "cameras in a virtual machine", scope: Test, run: emulated_cameras::run_tests },
+    Step { name: "lints without features", scope: All, run: static_checks::lints_without_features },
     Step { name: "the Python wheel", scope: All, run: python_package::test_wheel },
     Step { name: "the published packages, compiled", scope: All, run: crates::check },
     Step { name: "archives, built twice", scope: All, run: || release::Release::TWICE.run() },

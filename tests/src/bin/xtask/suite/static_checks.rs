@@ -50,8 +50,11 @@ pub fn formatting() -> Result<()> {
 
 /// Lints every crate for this machine.
 pub fn lints() -> Result<()> {
-    run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--features=multiscopic-fuzz/guided", "--", "-Dwarnings"]))?;
-    // The program of other systems than Linux, which have no V4L2, and the library alone.
+    run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--features=multiscopic-fuzz/guided", "--", "-Dwarnings"]))
+}
+
+/// Lints the program of other systems than Linux, which have no V4L2, and the library alone.
+pub fn lints_without_features() -> Result<()> {
     ["multiscopic-cli", "multiscopic"]
         .iter()
         .try_for_each(|package| run(&mut cargo(&["clippy", "--package", package, "--no-default-features", "--", "-Dwarnings"])))

@@ -5,7 +5,7 @@ use crate::{Disparity, Frame};
 /// A source of scanlines, such as memory, flash, a file, a decompressor, a UART or a sensor.
 ///
 /// The matcher reads every line of each frame once, in ascending order, and never further ahead than
-/// [`BlockMatchingParams::lead`](crate::Params::lead) states, so a source need not be able to go back. Lines of different
+/// [`BlockMatchingParams::lead`](crate::BlockMatchingParams::lead) states, so a source need not be able to go back. Lines of different
 /// frames interleave.
 ///
 /// ```
@@ -51,7 +51,7 @@ pub trait ScanlineSource {
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error>;
 
     /// Fills `line`, whose length is the width of the frame, with line `v` of the disparities around which is searched:
-    /// see [`BlockMatchingParams::around`](crate::Params::around). They are read as the lines of the centre are. A source of a
+    /// see [`BlockMatchingParams::around`](crate::BlockMatchingParams::around). They are read as the lines of the centre are. A source of a
     /// search without a prior need not define this: it has none.
     ///
     /// # Errors
@@ -93,7 +93,7 @@ impl<S: ScanlineSource + ?Sized> ScanlineSource for &mut S {
 /// Views several baselines away differ in brightness from the centre, more than shapes do around a [prior]. Over a
 /// whole search range gradients are worse than grey values: they are more ambiguous.
 ///
-/// [prior]: crate::Params::around
+/// [prior]: crate::BlockMatchingParams::around
 ///
 /// ```
 /// use multiscopic_core::{Frame, Gradients, ScanlineSource};

@@ -43,7 +43,7 @@ impl MatchSetup {
     /// rectifies them.
     ///
     /// # Errors
-    /// Those of [`new`](Preparation::new), of [`Alignment::estimate`] and of `rectified`.
+    /// Those of [`new`](MatchSetup::new), of [`Alignment::estimate`] and of `rectified`.
     pub fn rectifying(
         frames: &mut Frames,
         geometry: &mut Option<Geometry>,

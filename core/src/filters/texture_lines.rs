@@ -113,7 +113,7 @@ impl<'m> TextureLines<'m> {
     }
 
     /// Computes the next line, and returns its index in the frame, or `None` after the last. `matched` computes the next line of
-    /// disparities and peak ratios from a source that is [seen](CenterLines::seen_in):
+    /// disparities and peak ratios from a source that is [seen](CenterLines::observe):
     /// [`Matcher::next_line_and_peaks`](crate::Matcher::next_line_and_peaks), with the same parameters and for the whole frame.
     ///
     /// # Errors

@@ -54,7 +54,7 @@ impl BlockMatchingParams {
     /// of the same centre found, usually at a shorter baseline, with the disparities of `earlier`.
     ///
     /// The greatest common divisor of the offsets of the views is their *multiple*: 4 for `(4, 0)` and `(-4, 0)`. The search is
-    /// in pixels of that longer baseline, in which [`views`](Params::views) are nearest neighbours. There the prior
+    /// in pixels of that longer baseline, in which [`views`](BlockMatchingParams::views) are nearest neighbours. There the prior
     /// `p` of a pixel is the disparity `multiple p`, in steps of 1/64, and the disparities `multiple p + r` are searched,
     /// with each `r` of this search's range, such as -4 to 3.
     ///
@@ -110,12 +110,12 @@ impl BlockMatchingParams {
         BlockMatchingParams { uniqueness_ratio: percent, ..self }
     }
 
-    /// The [uniqueness ratio](Params::with_uniqueness_ratio) in percent.
+    /// The [uniqueness ratio](BlockMatchingParams::with_uniqueness_ratio) in percent.
     pub const fn uniqueness_ratio(&self) -> Option<u8> {
         self.uniqueness_ratio
     }
 
-    /// The frame of one of the [`views`](Params::views): that view, or around a prior the one at its multiple.
+    /// The frame of one of the [`views`](BlockMatchingParams::views): that view, or around a prior the one at its multiple.
     pub const fn frame(&self, view: View) -> Frame {
         let multiple = match self.prior {
             Some(prior) => prior.multiple(),
@@ -226,7 +226,7 @@ impl BlockMatchingParams {
         self.lead_of(frame)
     }
 
-    /// [`lead`](Params::lead) of the frame of one of the views.
+    /// [`lead`](BlockMatchingParams::lead) of the frame of one of the views.
     pub(crate) const fn lead_of(&self, frame: Frame) -> i32 {
         lead(self.reach(), self.radius(), frame)
     }

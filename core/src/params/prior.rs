@@ -5,7 +5,7 @@ use core::ops::Range;
 use crate::{Disparity, SearchSpace, View};
 
 /// Disparities that are known from an earlier match of the same centre at a shorter baseline, and around which views
-/// several baselines away are searched: see [`BlockMatchingParams::around`](crate::Params::around).
+/// several baselines away are searched: see [`BlockMatchingParams::around`](crate::BlockMatchingParams::around).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Prior {

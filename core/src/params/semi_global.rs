@@ -274,13 +274,13 @@ impl SemiGlobalParams {
         SemiGlobalParams { search: self.search.with_fusion(fusion), ..self }
     }
 
-    /// The same with a [uniqueness ratio](Params::with_uniqueness_ratio) of the sums of path costs, or without.
+    /// The same with a [uniqueness ratio](BlockMatchingParams::with_uniqueness_ratio) of the sums of path costs, or without.
     #[inline(always)]
     pub const fn with_uniqueness_ratio(self, percent: Option<u8>) -> SemiGlobalParams {
         SemiGlobalParams { uniqueness_ratio: percent, ..self }
     }
 
-    /// The [uniqueness ratio](Params::with_uniqueness_ratio) in percent.
+    /// The [uniqueness ratio](BlockMatchingParams::with_uniqueness_ratio) in percent.
     pub const fn uniqueness_ratio(&self) -> Option<u8> {
         self.uniqueness_ratio
     }

@@ -119,7 +119,7 @@ impl Engine {
         Ok((map, peaks))
     }
 
-    /// Matches blocks [around](Params::around) the disparities of `prior` only, and compares [gradients](Gradients).
+    /// Matches blocks [around](BlockMatchingParams::around) the disparities of `prior` only, and compares [gradients](Gradients).
     ///
     /// # Errors
     /// As [`check`](Engine::check), or if the size of `prior` is another one.

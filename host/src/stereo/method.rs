@@ -167,7 +167,7 @@ impl Method {
     }
 
     /// Estimates the disparities of the centre of `frames`, by the views of the shortest baseline first, if they are
-    /// at [several](LongBaselines::sets).
+    /// at [several](BaselineRefinement::sets).
     ///
     /// # Errors
     /// If `search` asks for frames of another size or for views that are missing, if a step's parameters do

@@ -75,7 +75,7 @@ pub struct GraphCuts {
     /// The step in disparity above which neighbours pay no more: the paper's d cut-off.
     pub cutoff: u16,
     /// The block size of the block matching that gives the initial labels: see
-    /// [`BlockMatchingParams`](multiscopic_core::Params).
+    /// [`BlockMatchingParams`](multiscopic_core::BlockMatchingParams).
     pub start_block_size: u8,
     /// The most times that all disparities are tried.
     pub sweeps: usize,

@@ -24,8 +24,8 @@ use crate::{
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
-/// Around a [prior](BlockMatchingParams::around), every view takes `(2 rho + 2) X D` bytes and `1 + |j| r` lines of the frame, where
-/// `r` is the difference of the smallest and the largest disparity that may be searched; and the prior takes `2 (rho + 2)`
+/// Around a [prior](BlockMatchingParams::around), every view takes `(2 rho + 2) X D` bytes and `1 + |j| r` lines of the
+/// frame, where `r` is the difference of the smallest and the largest disparity that may be searched; and the prior takes `2 (rho + 2)`
 /// times the frame's width.
 ///
 /// A view `i` columns and `j` rows of the array away from the centre has the samples of `|j|` lines in turn. With

@@ -5,8 +5,8 @@ use crate::{Disparity, Frame};
 /// A source of scanlines, such as memory, flash, a file, a decompressor, a UART or a sensor.
 ///
 /// The matcher reads every line of each frame once, in ascending order, and never further ahead than
-/// [`BlockMatchingParams::lead`](crate::BlockMatchingParams::lead) states, so a source need not be able to go back. Lines of different
-/// frames interleave.
+/// [`BlockMatchingParams::lead`](crate::BlockMatchingParams::lead) states, so a source need not be able to
+/// go back. Lines of different frames interleave.
 ///
 /// ```
 /// use multiscopic_core::{Frame, ScanlineSource, Views};
@@ -51,8 +51,8 @@ pub trait ScanlineSource {
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error>;
 
     /// Fills `line`, whose length is the width of the frame, with line `v` of the disparities around which is searched:
-    /// see [`BlockMatchingParams::around`](crate::BlockMatchingParams::around). They are read as the lines of the centre are. A source of a
-    /// search without a prior need not define this: it has none.
+    /// see [`BlockMatchingParams::around`](crate::BlockMatchingParams::around). They are read as the lines of the
+    /// centre are. A source of a search without a prior need not define this: it has none.
     ///
     /// # Errors
     /// As [`read_line`](ScanlineSource::read_line).

@@ -11,7 +11,7 @@ use multiscopic_core::{Rewind, SearchSpace};
 /// ```
 /// use core::{convert::Infallible, time::Duration};
 /// use embedded_io::Write;
-/// use multiscopic_core::{Frame, Fusion, BlockMatchingParams, Rewind, ScanlineSource, SearchSpace, SearchConfig, View, Views};
+/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Rewind, ScanlineSource, SearchConfig, SearchSpace, View, Views};
 /// use multiscopic_edge::{Board, Lengths, Matching, Phase, Workspace};
 ///
 /// /// The kernel of the processor: `Dsp` for a Cortex-M4, M7 or M33, `Mve` for a Cortex-M55.

@@ -98,7 +98,9 @@ fn long_division(mut rise: u32, sum: u32) -> u32 {
 /// It keeps eleven lines, and is five lines behind the matcher.
 ///
 /// ```
-/// use multiscopic_core::{ConfidenceLines, ConfidenceTable, Frame, Fusion, Matcher, BlockMatchingParams, ScanlineSource, SearchConfig, Views};
+/// use multiscopic_core::{
+///     BlockMatchingParams, ConfidenceLines, ConfidenceTable, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, Views,
+/// };
 ///
 /// /// A texture, seen three pixels further to each side.
 /// struct Texture;

@@ -30,7 +30,7 @@ use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 /// column and lose a column. The caller lends the memory for these sums and for the lines under the blocks.
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, Matcher, Memory, BlockMatchingParams, ScanlineSource, SearchConfig, Views};
+/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Matcher, Memory, ScanlineSource, SearchConfig, Views};
 ///
 /// /// A ramp, seen three pixels further to each side.
 /// struct Ramp;

@@ -10,7 +10,7 @@ use crate::{Frame, Fusion, View, Views};
 /// valid.
 ///
 /// ```
-/// use multiscopic_core::{Fusion, BlockMatchingParams, SearchConfig, Views};
+/// use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, Views};
 /// const SEARCH: SearchConfig = SearchConfig { num_disparities: 32, ..SearchConfig::of_size(320, 240) };
 /// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(11) {
 ///     Ok(params) => params,
@@ -72,7 +72,7 @@ impl BlockMatchingParams {
     /// pixel without a prior, or whose prior is outside the range of `earlier`, stays invalid.
     ///
     /// ```
-    /// use multiscopic_core::{Frame, Fusion, BlockMatchingParams, SearchConfig, View, Views};
+    /// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, SearchConfig, View, Views};
     /// const QVGA: SearchConfig = SearchConfig::of_size(320, 240);
     /// const SEARCH: SearchConfig =
     ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 32, ..QVGA };

@@ -8,7 +8,7 @@ use crate::{Disparity, Fusion, Views};
 /// [`checked`](SearchConfig::checked), or by the parameters of a method that are made of it.
 ///
 /// ```
-/// use multiscopic_core::{Fusion, BlockMatchingParams, SearchConfig, Views};
+/// use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, Views};
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
 /// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {

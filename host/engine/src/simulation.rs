@@ -1,7 +1,7 @@
 //! The firmware's pipeline on the host: the same parameters, memory, order of lines and packets, with frames in memory.
 //!
-//! Its vectors have sixteen lanes instead of eight, as those of the engine's fallback, so that they are compiled once. Parts of the
-//! workspace then begin at multiples of 32 bytes instead of 16, and it is a little longer than the firmware's.
+//! Its vectors have sixteen lanes instead of eight, as those of the engine's fallback, so that they are compiled once. Parts of
+//! the workspace then begin at multiples of 32 bytes instead of 16, and it is a little longer than the firmware's.
 
 use std::{convert::Infallible, iter, time::Duration};
 

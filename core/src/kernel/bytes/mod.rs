@@ -5,7 +5,7 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `paths` | the recursion along the paths of semi-global matching, and a path along a line in registers: [`Slot`], [`Step`], [`LinePath`] |
+//! | `paths` | the recursion along paths, and a path along a line in registers: [`Slot`], [`Step`], [`LinePath`] |
 //! | `hamming` | matching costs by the census transform: [`Candidates`], [`hamming_run`] |
 //! | `loops` | the loops over the disparities of a pixel, and paths through many pixels: [`PixelLoops`], [`RunLoops`] |
 

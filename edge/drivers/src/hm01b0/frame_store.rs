@@ -16,7 +16,7 @@ pub trait FrameStore: ScanlineSource {
 /// [`Views`](multiscopic_core::Views).
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, BlockMatchingParams, SearchConfig, Views};
+/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, SearchConfig, Views};
 /// use multiscopic_drivers::hm01b0::FrameMemory;
 ///
 /// const SEARCH: SearchConfig =

@@ -69,7 +69,8 @@ impl Look {
         Look { disparities, confidences }
     }
 
-    /// The disparities and confidences of a search by this look and by one at [turned](Inputs::turn) inputs: see [`fuse_rotations`].
+    /// The disparities and confidences of a search by this look and by one at [turned](Inputs::turn) inputs: see
+    /// [`fuse_rotations`].
     pub fn with_turned(&self, other: &Look, search: &SearchSpace) -> (DisparityMap, Raster<u8>) {
         let (width, height) = (search.width(), search.height());
         let least = i32::from(search.min_disparity()) * Disparity::STEPS;

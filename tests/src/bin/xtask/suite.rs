@@ -23,7 +23,7 @@ use crate::{
     publishing::{crates, public_api::PublicApi, release, supply_chain::SupplyChain},
     system::{
         background_task::BackgroundTask,
-        process::{OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, run},
+        process::{OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, read, run},
     },
     tools::toolchain::Toolchain,
     workspace_checks::{
@@ -54,32 +54,11 @@ const QUICK: [&str; 9] = [
 ];
 
 /// The tests that optimisation might change: of what computes, not of what talks to users, browsers, cameras and stages.
-const COMPUTATIONS: [&str; 7] = [
-    "--lib",
-    "--test=matching",
-    "--test=methods",
-    "--test=mccnn",
-    "--test=outside_bytes",
-    "--test=real_data",
-    "--test=rectified_lines",
-];
-/// The parts of others with tests that take minutes in debug, which leaves them out.
-const LONG: [&str; 14] = [
-    "--test=commands",
-    "--test=capture",
-    "--",
-    "alignment",
-    "arrays",
-    "calibrations",
-    "commands_that_are_killed",
-    "edge_commands",
-    "filters",
-    "lenses",
-    "memory_demand",
-    "mounts",
-    "search_ranges",
-    "the_truth_is",
-];
+const COMPUTATIONS: [&str; 4] = ["--lib", "--test=matching", "--test=methods", "--test=real_data"];
+/// Tests of readers and of the network, whose loops those of [`COMPUTATIONS`] run too.
+const OTHER_COMPUTATIONS: [&str; 3] = ["--test=mccnn", "--test=outside_bytes", "--test=rectified_lines"];
+/// The tests of the program, of which debug leaves out what takes minutes there.
+const PROGRAM: [&str; 2] = ["--test=commands", "--test=capture"];
 
 /// The static checks.
 const LINT: [Step; 9] = [
@@ -95,16 +74,17 @@ const LINT: [Step; 9] = [
 ];
 
 /// The tests on this machine. Those that need the same build are beside each other.
-const TESTS: [Step; 26] = [
+const TESTS: [Step; 27] = [
     Step { name: "tests in debug", scope: Test, run: tests_in_debug },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
     Step { name: "the published packages, packed", scope: Sample, run: crates::pack },
     Step { name: "computations in release", scope: Test, run: || run_optimized_tests(&COMPUTATIONS) },
-    Step { name: "long tests in release", scope: Test, run: || run_optimized_tests(&LONG) },
+    Step { name: "long tests in release", scope: Test, run: long_tests },
     Step { name: "archives of the program", scope: Test, run: release::check },
     Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
     Step { name: "cameras in a virtual machine", scope: Test, run: emulated_cameras::run_tests },
+    Step { name: "other computations in release", scope: All, run: || run_optimized_tests(&OTHER_COMPUTATIONS) },
     Step { name: "lints without features", scope: All, run: static_checks::lints_without_features },
     Step { name: "the Python wheel", scope: All, run: python_package::test_wheel },
     Step { name: "the published packages, compiled", scope: All, run: crates::check },
@@ -125,11 +105,10 @@ const TESTS: [Step; 26] = [
 ];
 
 /// The tests of the firmware, and of the libraries as firmware depends on them.
-const FIRMWARE: [Step; 13] = [
+const FIRMWARE: [Step; 12] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
     Step { name: "lints for the Pico 2", scope: All, run: || pico2::lint(&arm()?) },
-    Step { name: "the firmware for the Pico 2", scope: Test, run: || pico2::build(&arm()?) },
-    Step { name: "both kernels in the emulator", scope: Sample, run: || kernel_twins::run_sample(&arm()?) },
+    Step { name: "the firmware for the Pico 2", scope: All, run: || pico2::build(&arm()?) },
     Step { name: "the kernels on each processor", scope: All, run: || kernel_twins::run(&arm()?) },
     Step { name: "firmware, a sample", scope: Sample, run: || profiles::run(&arm()?, &Selection::sample()) },
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
@@ -203,14 +182,15 @@ pub fn lint() -> Result<()> {
     report.finish()
 }
 
+/// pytest tests the Python package. The firmware has no tests on this machine, but two dozen programs to link.
+const TESTED: [&str; 5] = ["--workspace", "--exclude", PYTHON_PACKAGE, "--exclude", "multiscopic-firmware"];
+
 fn tests_in_debug() -> Result<()> {
     let program = built_program()?;
-    // pytest tests the Python package. The firmware has no tests on this machine, but two dozen programs to link.
-    let workspace = ["--workspace", "--exclude", PYTHON_PACKAGE, "--exclude", "multiscopic-firmware"];
     all([
         // Examples without tests are left to the lints.
-        run_tests(&program, &[&workspace[..], &["--tests"]].concat()),
-        run_tests(&program, &[&workspace[..], &["--doc"]].concat()),
+        run_tests(&program, &[&TESTED[..], &["--tests"]].concat()),
+        run_tests(&program, &[&TESTED[..], &["--doc"]].concat()),
         // As most firmware has it. In the workspace, the tests' features are on.
         run(&mut cargo(&["test", "--no-fail-fast", "-pmultiscopic-core", "--lib"])),
     ])
@@ -225,6 +205,15 @@ fn all<const N: usize>(results: [Result<()>; N]) -> Result<()> {
 
 fn run_tests(program: &Path, selection: &[&str]) -> Result<()> {
     run(cargo(&["test", "--no-fail-fast"]).args(selection).env("MULTISCOPIC_BINARY", program))
+}
+
+/// Runs in release the tests of the program that debug leaves out.
+fn long_tests() -> Result<()> {
+    let list = ["--quiet", "--", "--list", "--ignored", "--format=terse"];
+    let list = read(cargo(&["test"]).args(TESTED).args(PROGRAM).args(list))?;
+    let names: Vec<&str> = list.lines().filter_map(|line| line.strip_suffix(": test")).collect();
+    ensure!(!names.is_empty(), "debug leaves out no test of the program");
+    run_optimized_tests(&[&PROGRAM[..], &["--", "--exact"], &names].concat())
 }
 
 fn run_optimized_tests(selection: &[&str]) -> Result<()> {

@@ -6,25 +6,15 @@ use std::fs;
 use crate::{
     emulation::{
         build::{self, Program},
-        emulated_board::{self, EmulatedBoard},
-        emulator,
+        emulated_board, emulator,
     },
     system::folders,
     tools::toolchain::Toolchain,
 };
 
-/// Runs the comparison on a board for each kernel: that of DSP instructions is the same code on all of its processors.
-pub fn run_sample(toolchain: &Toolchain) -> Result<()> {
-    run_on([&emulated_board::REFERENCE, &emulated_board::VECTORS], toolchain)
-}
-
 /// Runs the comparison on one board per processor.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
-    run_on(emulated_board::one_per_processor().map(|(_, board)| board), toolchain)
-}
-
-fn run_on(boards: impl IntoIterator<Item = &'static EmulatedBoard>, toolchain: &Toolchain) -> Result<()> {
-    for board in boards {
+    for (_, board) in emulated_board::one_per_processor() {
         let folder = folders::edge_target().join("runs").join("kernels").join(board.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for image in build::build(toolchain, board, &["kernels", "matches", "path_matches"].map(Program::Example))? {

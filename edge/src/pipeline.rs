@@ -1,7 +1,8 @@
 //! Matches the frames of a board and sends the disparities.
 
-mod error;
 mod pass;
+
+pub use pass::{PipelineError, RunError};
 
 use multiscopic_core::{
     BlockMatchingParams, ConfidenceTable, Disparity, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Region, Rewind,
@@ -17,7 +18,6 @@ use crate::{
     packet::Sender,
 };
 
-pub use error::{PipelineError, RunError};
 use pass::{Confidences, Fetching, LongFrames, Pass};
 
 /// Matches frames and sends the disparities, in the memory of a [`Workspace`].

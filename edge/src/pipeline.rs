@@ -13,8 +13,7 @@ use multiscopic_core::{
 
 use crate::{
     board::{Board, Phase},
-    buffers::Workspace,
-    matching::{Matching, WholeLines, confidence_line_words},
+    matching::{Matching, WholeLines, Workspace, confidence_line_words},
     packet::Sender,
 };
 
@@ -276,7 +275,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        buffers::{Lengths, Wide},
+        matching::{Lengths, Wide},
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};

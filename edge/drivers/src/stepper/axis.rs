@@ -1,4 +1,4 @@
-//! The axes of the stage: their mechanics and limits, their electronics, and the errors of both.
+//! The axes of the stage: their mechanics and limits, their electronics, and the errors of a stage.
 
 use core::{convert::Infallible, error, fmt};
 use embedded_hal::digital::{Error, ErrorKind, ErrorType, InputPin, OutputPin, PinState};

@@ -27,7 +27,7 @@
 //! | `streams` | scanlines from byte streams: [`Streams`] |
 //! | [`frame_file`] | the names of the files of frames and packets |
 //! | [`packet`] | the packets that carry disparities to a host |
-//! | `matching` | the computation of a pipeline, [`Matching`], and its memory, sized at compile time: [`Workspace`], [`Lengths`] |
+//! | `matching` | the computation of a pipeline and its memory: [`Matching`], [`Workspace`], [`Lengths`] |
 //! | [`profile`] | ready-made match sizes and their RAM budgets: [`Profile`] |
 //! | `pipeline` | matches the frames of a board and sends the disparities: [`Pipeline`] |
 #![no_std]

@@ -27,14 +27,12 @@
 //! | `streams` | scanlines from byte streams: [`Streams`] |
 //! | [`frame_file`] | the names of the files of frames and packets |
 //! | [`packet`] | the packets that carry disparities to a host |
-//! | `buffers` | the memory of the pipeline, sized at compile time: [`Workspace`], [`Lengths`] |
-//! | `matching` | the computation of a pipeline: [`Matching`] |
+//! | `matching` | the computation of a pipeline and its memory: [`Matching`], [`Workspace`], [`Lengths`] |
 //! | [`profile`] | ready-made match sizes and their RAM budgets: [`Profile`] |
 //! | `pipeline` | matches the frames of a board and sends the disparities: [`Pipeline`] |
 #![no_std]
 
 mod board;
-mod buffers;
 pub mod frame_file;
 mod matching;
 pub mod packet;
@@ -43,8 +41,7 @@ pub mod profile;
 mod streams;
 
 pub use board::{Board, Phase};
-pub use buffers::{Lengths, Wide, Workspace};
-pub use matching::{Matching, WholeLines};
+pub use matching::{Lengths, Matching, WholeLines, Wide, Workspace};
 pub use pipeline::{Pipeline, PipelineError, RunError};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};

@@ -1,7 +1,8 @@
 //! Matches the frames of a board and sends the disparities.
 
-mod error;
 mod pass;
+
+pub use pass::{PipelineError, RunError};
 
 use multiscopic_core::{
     BlockMatchingParams, ConfidenceTable, Disparity, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Region, Rewind,
@@ -12,12 +13,10 @@ use multiscopic_core::{
 
 use crate::{
     board::{Board, Phase},
-    buffers::Workspace,
-    matching::{Matching, WholeLines, confidence_line_words},
+    matching::{Matching, WholeLines, Workspace, confidence_line_words},
     packet::Sender,
 };
 
-pub use error::{PipelineError, RunError};
 use pass::{Confidences, Fetching, LongFrames, Pass};
 
 /// Matches frames and sends the disparities, in the memory of a [`Workspace`].
@@ -276,7 +275,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        buffers::{Lengths, Wide},
+        matching::{Lengths, Wide},
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};

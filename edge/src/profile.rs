@@ -5,10 +5,7 @@ use multiscopic_core::{
     network::NetworkParams,
 };
 
-use crate::{
-    buffers::{Lengths, Wide},
-    matching::{Matching, WholeLines},
-};
+use crate::matching::{Lengths, Matching, WholeLines, Wide};
 
 /// A named match size and the RAM that it may take.
 ///

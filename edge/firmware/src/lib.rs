@@ -7,13 +7,9 @@
 //! | module | what it is |
 //! | --- | --- |
 //! | `board_kernel` | the matcher's kernel for the processor of the board |
-//! | `host_file` | files of the host, through semihosting |
-//! | `phase_marker` | marks where phases begin, for an emulator that counts |
-//! | `fault` | the errors of the firmware; ends it after an error, a panic or a fault |
-//! | `runtime` | the entry, the critical section and the stack of the processor |
-//! | `arguments` | the command line that the firmware is started with |
-//! | `semihosted` | the board that a debugger or an emulator lends |
-//! | `entry_points` | the main functions of the binaries |
+//! | `runtime` | the entry, the critical section and the stack of the processor, and the end after an error, a panic or a fault |
+//! | `semihosted` | the board that a debugger or an emulator lends: files, a clock, marks where phases begin |
+//! | `entry_points` | the main functions of the binaries, and their command line |
 //!
 //! # Features
 //! `stm32f405`, `stm32h743`, `rp2350`, `rp2350-riscv`, `an547`: the board that the firmware is linked for, at most one.
@@ -25,17 +21,9 @@
 #![no_std]
 
 #[cfg(target_os = "none")]
-mod arguments;
-#[cfg(target_os = "none")]
 mod board_kernel;
 #[cfg(target_os = "none")]
 mod entry_points;
-#[cfg(target_os = "none")]
-mod fault;
-#[cfg(target_os = "none")]
-mod host_file;
-#[cfg(target_os = "none")]
-mod phase_marker;
 #[cfg(target_os = "none")]
 mod runtime;
 #[cfg(target_os = "none")]
@@ -49,13 +37,9 @@ pub use entry_points::{
     match_semi_globally_with_confidences,
 };
 #[cfg(target_os = "none")]
-pub use fault::fail;
+pub use runtime::{entry, fail, stack_depth};
 #[cfg(target_os = "none")]
-pub use host_file::{HostError, HostFile};
-#[cfg(target_os = "none")]
-pub use runtime::{entry, stack_depth};
-#[cfg(target_os = "none")]
-pub use semihosted::Semihosted;
+pub use semihosted::{HostError, HostFile, Semihosted};
 
 /// The program of a profile's binary.
 #[macro_export]

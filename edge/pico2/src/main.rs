@@ -9,17 +9,14 @@
 //! | `pixel_port` | lines from the sensor's parallel port, by a state machine and DMA |
 //! | `packet_port` | the serial port on USB |
 //! | `software_interrupts` | the interrupts that receive lines and send packets beside the program |
-//! | `failure` | the errors of a capture |
 //! | `rig` | captures, matches and sends |
 #![no_std]
 #![no_main]
 
-mod failure;
 mod mechanics;
 mod packet_port;
 mod pixel_port;
 mod rig;
-mod software_interrupts;
 
 use defmt_rtt as _; // Sends the log to the probe.
 use embassy_rp::{
@@ -139,5 +136,29 @@ fn axis_pins(
         dir: Output::new(dir, Level::Low),
         low: Input::new(low, Pull::Up),
         high: Input::new(high, Pull::Up),
+    }
+}
+
+/// The interrupts that the executors run in. No hardware raises them.
+mod software_interrupts {
+    #![allow(unsafe_code)]
+
+    use embassy_rp::{executor::InterruptExecutor, interrupt};
+
+    /// Receives lines.
+    pub static CAMERA: InterruptExecutor = InterruptExecutor::new();
+    /// Sends packets.
+    pub static USB: InterruptExecutor = InterruptExecutor::new();
+
+    #[interrupt]
+    unsafe fn SWI_IRQ_1() {
+        // SAFETY: `main` starts the executor with this interrupt, which enables it.
+        unsafe { CAMERA.on_interrupt() }
+    }
+
+    #[interrupt]
+    unsafe fn SWI_IRQ_0() {
+        // SAFETY: as above.
+        unsafe { USB.on_interrupt() }
     }
 }

@@ -1,6 +1,6 @@
 //! The slide with the camera: captures, matches and sends.
 
-use core::time::Duration;
+use core::{fmt, time::Duration};
 use embassy_rp::{
     gpio::{Input, Output},
     i2c::{Blocking, I2c},
@@ -10,20 +10,19 @@ use embassy_rp::{
 use embassy_time::{Delay, Instant};
 use embedded_io::Write;
 use multiscopic_core::{
-    Disparity, Matcher, Region,
-    capture::{CaptureProgress, Plan, Sequence, Stage},
+    Disparity, MatchError, Matcher, MemoryTooSmall, Region,
+    capture::{CaptureError, CaptureProgress, Plan, Sequence, Stage},
     kernel::Dsp,
 };
 use multiscopic_drivers::{
-    hm01b0::{FrameMemory, Hm01b0, LineReceiver},
-    stepper::{Pins, Stepper},
+    hm01b0::{FrameMemory, Hm01b0, Hm01b0Error, LineReceiver, NoRoom},
+    stepper::{Pins, Stepper, StepperError},
 };
-use multiscopic_edge::packet::Sender;
+use multiscopic_edge::packet::{BufferTooSmall, Sender};
 
 use crate::{
-    failure::Failure,
     mechanics::{HOMING_TIMEOUT, PARAMS, POLICY, TILE_WIDTH},
-    packet_port::{self, PacketPort},
+    packet_port::{self, PacketPort, PortError},
 };
 
 /// The time without progress after which the watchdog restarts the chip.
@@ -167,4 +166,42 @@ impl Rig {
 /// The time since the start.
 fn now() -> Duration {
     Duration::from_micros(Instant::now().as_micros())
+}
+
+/// An error that left a capture without disparities.
+enum Failure {
+    /// The slide does not find its switches.
+    Homing(StepperError),
+    /// Homing took too long.
+    HomingTimeout,
+    /// The stage or the camera failed.
+    Capture(CaptureError<StepperError, Hm01b0Error<NoRoom>>),
+    /// Homing again did not find the switches where they were.
+    StepsLost([i32; 2]),
+    /// A frame is not in memory.
+    Match(MatchError<NoRoom>),
+    /// The matcher's memory is too small.
+    Memory(MemoryTooSmall),
+    /// The packet's buffer is too small.
+    Packet(BufferTooSmall),
+    /// A packet was not sent.
+    Send(PortError),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Failure::Homing(error) => write!(f, "homing: {error}"),
+            Failure::HomingTimeout => write!(f, "homing took too long"),
+            Failure::Capture(error) => {
+                error.index().map_or(Ok(()), |index| write!(f, "frame {index}: "))?;
+                write!(f, "{error}")
+            }
+            Failure::StepsLost([x, y]) => write!(f, "the motors lost {x} and {y} steps: the frames are of no use"),
+            Failure::Match(error) => write!(f, "{error}"),
+            Failure::Memory(error) => write!(f, "{error}"),
+            Failure::Packet(error) => write!(f, "{error}"),
+            Failure::Send(error) => write!(f, "cannot send a packet: {error}"),
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use core::{error, fmt};
 use multiscopic_core::{Disparity, Region, SearchSpace};
 
-use super::format::{CHECKSUM_BYTES, Content, Header, MAGIC, MAX_HEADER_BYTES, VERSION, checksum, encode, max_encoded_bytes};
+use super::{CHECKSUM_BYTES, Content, Header, MAGIC, MAX_HEADER_BYTES, VERSION, checksum, encode, max_encoded_bytes};
 
 /// The most bytes of a packet with `columns` disparities and their confidences.
 pub const fn max_bytes(columns: usize) -> usize {

@@ -49,26 +49,24 @@
 //! }
 //! ```
 
-mod configuration;
-mod error;
-mod frame_store;
-mod line_queue;
-mod readout;
-mod sensor_registers;
+mod lines;
+mod sensor;
 
-pub use configuration::{ClockDivider, Configuration, Gain, Size};
-pub use error::Hm01b0Error;
-pub use frame_store::{FrameMemory, FrameStore, NoRoom};
-pub use line_queue::{Arrival, LineQueue, LineReceiver, LineSender, PixelBus};
+pub use lines::{Arrival, LineQueue, LineReceiver, LineSender, PixelBus};
+pub use sensor::{ClockDivider, Configuration, Gain, Size};
 
-use embedded_hal::{delay::DelayNs, i2c::I2c};
+use core::{error, fmt};
+use embedded_hal::{
+    delay::DelayNs,
+    i2c::{ErrorKind, I2c},
+};
 use multiscopic_core::{
-    Frame, ScanlineSource,
+    BlockMatchingParams, Frame, Rewind, ScanlineSource,
     capture::{Camera, Plan},
 };
 
-use readout::{Readout, SensorOutput};
-use sensor_registers::{Mode, Register};
+use lines::{FrameDefect, Readout, SensorOutput};
+use sensor::{Mode, Register};
 
 /// The number of times that the sensor is asked if its reset is complete, a millisecond apart.
 const RESET_POLLS: usize = 20;
@@ -113,17 +111,17 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
     }
 
     fn identify(&mut self) -> Result<(), Hm01b0Error<S::Error>> {
-        match sensor_registers::read_wide(&mut self.i2c, Register::Model)? {
-            sensor_registers::MODEL => Ok(()),
+        match sensor::read_wide(&mut self.i2c, Register::Model)? {
+            sensor::MODEL => Ok(()),
             found => Err(Hm01b0Error::Model { found }),
         }
     }
 
     fn reset(&mut self) -> Result<(), Hm01b0Error<S::Error>> {
-        sensor_registers::write(&mut self.i2c, Register::SoftwareReset, 1)?;
+        sensor::write(&mut self.i2c, Register::SoftwareReset, 1)?;
         for _ in 0..RESET_POLLS {
             self.delay.delay_ms(1);
-            if sensor_registers::read(&mut self.i2c, Register::ModeSelect)? == Mode::Standby as u8 {
+            if sensor::read(&mut self.i2c, Register::ModeSelect)? == Mode::Standby as u8 {
                 return Ok(());
             }
         }
@@ -131,7 +129,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
     }
 
     fn set_mode(&mut self, mode: Mode) -> Result<(), Hm01b0Error<S::Error>> {
-        Ok(sensor_registers::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
+        Ok(sensor::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
     }
 
     /// Stores the lines that have arrived. Returns true if the frame is complete.
@@ -214,7 +212,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Camera for Hm01b0<I, T, B, 
         self.readout = None;
         self.bus.restart();
         self.set_mode(Mode::Standby)?;
-        Ok(sensor_registers::write(&mut self.i2c, Register::AutoExposure, 1)?)
+        Ok(sensor::write(&mut self.i2c, Register::AutoExposure, 1)?)
     }
 }
 
@@ -232,3 +230,181 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> ScanlineSource for Hm01b0<I
         }
     }
 }
+
+/// A store of whole frames: internal or external memory, flash, files.
+pub trait FrameStore: ScanlineSource {
+    /// Stores line `v` of a frame. Lines ascend, and start again from 0 if the frame is taken again.
+    ///
+    /// # Errors
+    /// Those of the store.
+    fn write_line(&mut self, frame: Frame, v: usize, line: &[u8]) -> Result<(), Self::Error>;
+}
+
+/// Frames in memory, one after the other: the centre, then the views of the match in the order of
+/// [`Views`](multiscopic_core::Views).
+///
+/// ```
+/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, SearchConfig, Views};
+/// use multiscopic_drivers::hm01b0::FrameMemory;
+///
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
+/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
+///     Ok(params) => params,
+///     Err(_) => panic!("the parameters are out of range"),
+/// };
+/// // Two of the three frames: the last view is matched during readout.
+/// const BYTES: usize = 2 * PARAMS.width() * PARAMS.height();
+///
+/// let mut pixels = [0; BYTES]; // a static in firmware
+/// let store = FrameMemory::new(&PARAMS, &mut pixels);
+/// ```
+#[derive(Debug)]
+pub struct FrameMemory<'m> {
+    pixels: &'m mut [u8],
+    params: BlockMatchingParams,
+}
+
+impl<'m> FrameMemory<'m> {
+    /// A store for frames of the size in `params`. It holds as many as fit into `pixels`, one byte a pixel.
+    pub fn new(params: &BlockMatchingParams, pixels: &'m mut [u8]) -> FrameMemory<'m> {
+        FrameMemory { pixels, params: *params }
+    }
+
+    fn line(&mut self, frame: Frame, v: usize) -> Result<&mut [u8], NoRoom> {
+        let index = match frame {
+            Frame::Center => Some(0),
+            Frame::View(view) => self.params.views().iter().position(|stored| stored == view).map(|index| index + 1),
+        };
+        let (width, height) = (self.params.width(), self.params.height());
+        let start = index.filter(|_| v < height).map(|index| (index * height + v) * width);
+        start.and_then(|start| self.pixels.get_mut(start..start + width)).ok_or(NoRoom { frame, line: v })
+    }
+}
+
+impl ScanlineSource for FrameMemory<'_> {
+    type Error = NoRoom;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), NoRoom> {
+        let stored = self.line(frame, v)?;
+        line.get_mut(..stored.len()).ok_or(NoRoom { frame, line: v })?.copy_from_slice(stored);
+        Ok(())
+    }
+}
+
+impl Rewind for FrameMemory<'_> {
+    fn rewind(&mut self) -> Result<(), NoRoom> {
+        Ok(())
+    }
+}
+
+impl FrameStore for FrameMemory<'_> {
+    fn write_line(&mut self, frame: Frame, v: usize, line: &[u8]) -> Result<(), NoRoom> {
+        let stored = self.line(frame, v)?;
+        stored.copy_from_slice(line.get(..stored.len()).ok_or(NoRoom { frame, line: v })?);
+        Ok(())
+    }
+}
+
+/// The store has no place for a line: the frame is not part of the match, or the memory is too small.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoRoom {
+    /// The frame.
+    pub frame: Frame,
+    /// The line.
+    pub line: usize,
+}
+
+impl fmt::Display for NoRoom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the store has no room for line {} of frame {:?}", self.line, self.frame)
+    }
+}
+
+impl error::Error for NoRoom {}
+
+/// An error that left no frame, or no line of one. `S` is the error of the frame store.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Hm01b0Error<S> {
+    /// The I2C bus failed.
+    I2c(ErrorKind),
+    /// The sensor is another one, or there is none.
+    Model {
+        /// Its model number; an HM01B0 has 0x01b0.
+        found: u16,
+    },
+    /// The sensor did not complete its reset within 20 ms.
+    NotReset,
+    /// The plan has no frame of this index.
+    NoFrame {
+        /// The index.
+        index: usize,
+    },
+    /// Lines arrived faster than they were taken, and some were lost.
+    Lost {
+        /// The first lost line, counted from the top of the sensor, border included.
+        line: usize,
+    },
+    /// The frame ended too early or too late.
+    Torn {
+        /// The number of its lines, border included.
+        lines: usize,
+    },
+    /// A line is too short or too long, or follows the last one.
+    Line {
+        /// The line, counted from the top of the sensor, border included.
+        line: usize,
+        /// The number of its pixels.
+        pixels: usize,
+    },
+    /// The line has not arrived yet.
+    Waiting {
+        /// The requested line.
+        line: usize,
+    },
+    /// The frame is read out by the line, and another line is next; or the requested line has another width.
+    NotThisLine {
+        /// The requested line.
+        line: usize,
+    },
+    /// A line could not be stored, or read from the store.
+    Store(S),
+}
+
+impl<S> From<ErrorKind> for Hm01b0Error<S> {
+    fn from(kind: ErrorKind) -> Self {
+        Hm01b0Error::I2c(kind)
+    }
+}
+
+impl<S> From<FrameDefect> for Hm01b0Error<S> {
+    fn from(defect: FrameDefect) -> Self {
+        match defect {
+            FrameDefect::Lost { line } => Hm01b0Error::Lost { line },
+            FrameDefect::Torn { lines } => Hm01b0Error::Torn { lines },
+            FrameDefect::Line { line, pixels } => Hm01b0Error::Line { line, pixels },
+        }
+    }
+}
+
+impl<S: fmt::Display> fmt::Display for Hm01b0Error<S> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Hm01b0Error::I2c(kind) => write!(f, "the sensor's registers cannot be reached: {kind}"),
+            Hm01b0Error::Model { found } => {
+                write!(f, "the sensor is {found:#06x}, an HM01B0 is {:#06x}", sensor::MODEL)
+            }
+            Hm01b0Error::NotReset => f.write_str("the sensor did not complete its reset"),
+            Hm01b0Error::NoFrame { index } => write!(f, "the plan has no frame {index}"),
+            Hm01b0Error::Lost { line } => write!(f, "lines from {line} on came faster than they were taken"),
+            Hm01b0Error::Torn { lines } => write!(f, "the frame is torn: it ended after {lines} lines"),
+            Hm01b0Error::Line { line, pixels } => write!(f, "line {line} of the sensor came with {pixels} pixels"),
+            Hm01b0Error::Waiting { line } => write!(f, "line {line} has not come yet"),
+            Hm01b0Error::NotThisLine { line } => write!(f, "line {line} is not the next one of the sensor"),
+            Hm01b0Error::Store(error) => write!(f, "{error}"),
+        }
+    }
+}
+
+impl<S: error::Error> error::Error for Hm01b0Error<S> {}

@@ -1,7 +1,7 @@
-//! The mechanics and the limits of an axis.
+//! The axes of the stage: their mechanics and limits, their electronics, and the errors of a stage.
 
-use core::{error, fmt};
-use embedded_hal::digital::PinState;
+use core::{convert::Infallible, error, fmt};
+use embedded_hal::digital::{Error, ErrorKind, ErrorType, InputPin, OutputPin, PinState};
 
 /// The mechanics and the limits of an axis. Positions are in micrometres from the centre of the plan.
 ///
@@ -126,6 +126,180 @@ const fn clamped(number: i64) -> i32 {
         number as i32
     }
 }
+
+/// The electronics of an axis: a motor driver with step and direction inputs, and two limit switches.
+pub trait Drive {
+    /// Sets the direction of the next steps.
+    ///
+    /// # Errors
+    /// That of the pin.
+    fn set_direction(&mut self, level: PinState) -> Result<(), ErrorKind>;
+
+    /// Sets the step pin. The motor makes a step on the rising edge.
+    ///
+    /// # Errors
+    /// That of the pin.
+    fn set_step(&mut self, level: PinState) -> Result<(), ErrorKind>;
+
+    /// Reads the level of the switch at `end`.
+    ///
+    /// # Errors
+    /// That of the pin.
+    fn switch(&mut self, end: AxisEnd) -> Result<PinState, ErrorKind>;
+}
+
+/// The pins of an axis, of any HAL.
+#[derive(Clone, Copy, Debug)]
+pub struct Pins<Step, Dir, Low, High> {
+    /// The step input of the motor driver, active on the rising edge.
+    pub step: Step,
+    /// The direction input of the motor driver.
+    pub dir: Dir,
+    /// The switch at the low end.
+    pub low: Low,
+    /// The switch at the high end, or [`Fixed`] if there is none.
+    pub high: High,
+}
+
+impl<Step: OutputPin, Dir: OutputPin, Low: InputPin, High: InputPin> Drive for Pins<Step, Dir, Low, High> {
+    fn set_direction(&mut self, level: PinState) -> Result<(), ErrorKind> {
+        self.dir.set_state(level).map_err(|error| error.kind())
+    }
+
+    fn set_step(&mut self, level: PinState) -> Result<(), ErrorKind> {
+        self.step.set_state(level).map_err(|error| error.kind())
+    }
+
+    fn switch(&mut self, end: AxisEnd) -> Result<PinState, ErrorKind> {
+        let is_high = match end {
+            AxisEnd::Low => self.low.is_high().map_err(|error| error.kind()),
+            AxisEnd::High => self.high.is_high().map_err(|error| error.kind()),
+        };
+        is_high.map(PinState::from)
+    }
+}
+
+/// A pin with a constant level, in place of a missing switch.
+#[derive(Clone, Copy, Debug)]
+pub struct Fixed(pub PinState);
+
+impl ErrorType for Fixed {
+    type Error = Infallible;
+}
+
+impl InputPin for Fixed {
+    fn is_high(&mut self) -> Result<bool, Infallible> {
+        Ok(self.0 == PinState::High)
+    }
+
+    fn is_low(&mut self) -> Result<bool, Infallible> {
+        Ok(self.0 == PinState::Low)
+    }
+}
+
+/// Names an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AxisId {
+    /// The axis to the right.
+    X,
+    /// The axis down.
+    Y,
+}
+
+impl fmt::Display for AxisId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            AxisId::X => "x",
+            AxisId::Y => "y",
+        })
+    }
+}
+
+/// An end of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AxisEnd {
+    /// The left or the top.
+    Low,
+    /// The right or the bottom.
+    High,
+}
+
+impl fmt::Display for AxisEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            AxisEnd::Low => "low",
+            AxisEnd::High => "high",
+        })
+    }
+}
+
+/// An error that keeps the stage from moving, or has stopped it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum StepperError {
+    /// The description of an axis is invalid.
+    Axis {
+        /// The axis.
+        axis: AxisId,
+        /// The fault.
+        error: AxisError,
+    },
+    /// A pin cannot be set or read.
+    Pin {
+        /// The axis of the pin.
+        axis: AxisId,
+        /// The error of the HAL.
+        kind: ErrorKind,
+    },
+    /// A limit switch was pressed and stopped the motion at once.
+    Limit {
+        /// The axis of the switch.
+        axis: AxisId,
+        /// The end of the switch.
+        end: AxisEnd,
+    },
+    /// The position is out of range. What the stage was doing goes on.
+    Beyond {
+        /// The axis.
+        axis: AxisId,
+        /// The position in micrometres.
+        um: i32,
+        /// The least position in micrometres.
+        min_um: i32,
+        /// The greatest position in micrometres.
+        max_um: i32,
+    },
+    /// The stage does not know its position.
+    NotHomed,
+    /// Homing travelled the whole axis without reaching the switch at the low end.
+    SwitchNotFound {
+        /// The axis.
+        axis: AxisId,
+    },
+    /// The switch at the low end was not released on the way back.
+    SwitchStuck {
+        /// The axis.
+        axis: AxisId,
+    },
+}
+
+impl fmt::Display for StepperError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            StepperError::Axis { axis, error } => write!(f, "axis {axis}: {error}"),
+            StepperError::Pin { axis, kind } => write!(f, "a pin of axis {axis} failed: {kind}"),
+            StepperError::Limit { axis, end } => write!(f, "the switch at the {end} end of axis {axis} stopped the motion"),
+            StepperError::Beyond { axis, um, min_um, max_um } => {
+                write!(f, "{um} um along {axis} is beyond {min_um}..={max_um} um")
+            }
+            StepperError::NotHomed => f.write_str("the stage does not know its position: home it first"),
+            StepperError::SwitchNotFound { axis } => write!(f, "the switch at the low end of axis {axis} was not found"),
+            StepperError::SwitchStuck { axis } => write!(f, "the switch at the low end of axis {axis} stays pressed"),
+        }
+    }
+}
+
+impl error::Error for StepperError {}
 
 /// An error of an axis whose numbers are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -37,14 +37,9 @@
 //! ```
 
 mod axis;
-mod drive;
-mod error;
 mod motion;
-mod ramp;
 
-pub use axis::{Axis, AxisError};
-pub use drive::{AxisEnd, AxisId, Drive, Fixed, Pins};
-pub use error::StepperError;
+pub use axis::{Axis, AxisEnd, AxisError, AxisId, Drive, Fixed, Pins, StepperError};
 
 use core::mem;
 use embedded_hal::{delay::DelayNs, digital::PinState};

@@ -8,11 +8,7 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
-mod failure;
-#[cfg(target_os = "none")]
 mod injection;
-#[cfg(target_os = "none")]
-mod simulated_bus;
 #[cfg(target_os = "none")]
 mod simulated_sensor;
 // Shared with the tests of the drivers.
@@ -41,8 +37,7 @@ mod image {
 
     use super::{
         injection::Injection,
-        simulated_bus::{self, SIZE},
-        simulated_sensor::{Registers, Sensor},
+        simulated_sensor::{self, Registers, SIZE, Sensor},
         slide::{self, Clock, Slide},
         testbench::{BASELINE_UM, LAST, MatchBuffers, Testbench},
     };
@@ -91,7 +86,7 @@ mod image {
         });
         let sensor = RefCell::new(Sensor::new(&slide, plan, places));
         let (sender, receiver) = QUEUE.take().split(LINES.take().iter_mut().map(|line| &mut line[..]));
-        simulated_bus::connect(sender);
+        simulated_sensor::connect(sender);
         let clock = Clock(&slide);
         let stage = Stepper::new([AXIS, AXIS], slide::pins(&slide, 0), slide::pins(&slide, 1), 2000, clock);
         let stage = stage.unwrap_or_else(|error| fail(error));

@@ -1,20 +1,22 @@
 //! The drivers under test on simulated hardware: captures, matches and sends.
 
-use core::{cell::RefCell, ffi::CStr, time::Duration};
+use core::{cell::RefCell, ffi::CStr, fmt, time::Duration};
 use embedded_io::Write;
 use multiscopic_core::{
-    Disparity, Matcher, Region, View,
-    capture::{CaptureProgress, Plan, Policy, Sequence, Stage},
+    Disparity, MatchError, Matcher, MemoryTooSmall, Region, View,
+    capture::{CaptureError, CaptureProgress, Plan, Policy, Sequence, Stage},
 };
 use multiscopic_drivers::{
-    hm01b0::{FrameMemory, Hm01b0, LineReceiver},
+    hm01b0::{FrameMemory, Hm01b0, Hm01b0Error, LineReceiver, NoRoom},
     stepper::{Pins, Stepper, StepperError},
 };
-use multiscopic_edge::{packet::Sender, profile::CAPTURE};
-use multiscopic_firmware::{BoardKernel, HostFile};
+use multiscopic_edge::{
+    packet::{BufferTooSmall, Sender},
+    profile::CAPTURE,
+};
+use multiscopic_firmware::{BoardKernel, HostError, HostFile};
 
 use super::{
-    failure::{CameraError, CaptureFailure},
     injection::{FaultKind, Injection},
     simulated_sensor::{Registers, Sensor},
     slide::{Clock, Pin, Slide},
@@ -200,6 +202,41 @@ impl Testbench<'_, '_> {
                 defmt::info!("{=usize} lines were sent while the last frame was read out", lines_during_readout);
                 return Ok(progress);
             }
+        }
+    }
+}
+
+/// The error of the camera.
+type CameraError = Hm01b0Error<NoRoom>;
+
+/// An error that left a capture without disparities.
+enum CaptureFailure {
+    Homing(StepperError),
+    HomingTimeout,
+    Capture(CaptureError<StepperError, CameraError>),
+    StepsLost { steps: [i32; 2] },
+    Match(MatchError<CameraError>),
+    Memory(MemoryTooSmall),
+    Packet(BufferTooSmall),
+    Send(HostError),
+}
+
+impl fmt::Display for CaptureFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CaptureFailure::Homing(error) => write!(f, "homing: {error}"),
+            CaptureFailure::HomingTimeout => write!(f, "homing took too long"),
+            CaptureFailure::Capture(error) => {
+                error.index().map_or(Ok(()), |index| write!(f, "frame {index}: "))?;
+                write!(f, "{error}")
+            }
+            CaptureFailure::StepsLost { steps: [x, y] } => {
+                write!(f, "the motors lost {x} and {y} steps: the frames are of no use")
+            }
+            CaptureFailure::Match(error) => write!(f, "{error}"),
+            CaptureFailure::Memory(error) => write!(f, "{error}"),
+            CaptureFailure::Packet(error) => write!(f, "{error}"),
+            CaptureFailure::Send(error) => write!(f, "cannot send a disparity line: {error}"),
         }
     }
 }

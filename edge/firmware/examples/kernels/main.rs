@@ -8,10 +8,6 @@ mod bytes;
 #[cfg(target_os = "none")]
 mod operations;
 #[cfg(target_os = "none")]
-mod random_lanes;
-#[cfg(target_os = "none")]
-mod runs;
-#[cfg(target_os = "none")]
 mod twin;
 
 #[cfg(target_os = "none")]
@@ -20,9 +16,8 @@ mod image {
     use semihosting::{eprintln, process};
 
     use super::{
-        bytes::compare_bytes,
+        bytes::{compare_bytes, compare_runs},
         operations::{TRIALS, compare_columns, compare_costs, compare_products},
-        runs::compare_runs,
         twin::{Difference, Xorshift},
     };
 

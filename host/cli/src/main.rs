@@ -52,7 +52,7 @@ enum Command {
     #[cfg(feature = "live")]
     Live(Box<command::live::Live>),
     Listen(command::listen::Listen),
-    Devices(command::devices::Devices),
+    Devices(command::hardware::Devices),
     Weights(command::weights::WeightsCommand),
     #[cfg(feature = "manuals")]
     Completions(command::manuals::Completions),

@@ -7,11 +7,9 @@ pub mod bench;
 pub mod budget;
 pub mod calibrate;
 pub mod capture;
-mod charts;
 pub mod demo;
-pub mod devices;
 pub mod evaluate;
-mod hardware;
+pub mod hardware;
 pub mod limits;
 pub mod listen;
 #[cfg(feature = "live")]

@@ -2,7 +2,6 @@ import { CameraPanel } from "live/camera.js";
 import { Tuning } from "live/tuning.js";
 
 // The link to the server: notices come in, wishes go out.
-
 class Link {
   // `handlers` take the contents of notices by subject. `onState` is told whether the link is there, and why not.
   constructor(handlers, onState) {

@@ -192,20 +192,11 @@ fn style(steps: &str) -> ProgressStyle {
     ProgressStyle::with_template(&template).expect("the template is valid")
 }
 
-/// The colours of a terminal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Palette {
-    /// Red, green and blue of 8 bits.
-    Full,
-    /// A cube of six levels each, which all terminals with colours have.
-    Cube,
-}
-
 /// The width of a terminal that does not tell.
 const COLUMNS: usize = 80;
 
-/// A picture in half blocks, as wide as the terminal or as the picture if that is narrower: each character is two
-/// pixels, one above the other. Lines end with the colours reset.
+/// A picture in half blocks, as wide as the terminal or as the picture if that is narrower, for people who are logged in from far
+/// away: each character is two pixels, one above the other. Lines end with the colours reset.
 pub fn preview(picture: &RgbImage) -> String {
     let columns = columns().unwrap_or(COLUMNS) as u32;
     let is_full = env::var("COLORTERM").is_ok_and(|kind| kind == "truecolor" || kind == "24bit");
@@ -226,6 +217,15 @@ fn half_blocks(picture: &RgbImage, columns: u32, palette: Palette) -> String {
         text += "\x1b[0m\n";
     }
     text
+}
+
+/// The colours of a terminal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Palette {
+    /// Red, green and blue of 8 bits.
+    Full,
+    /// A cube of six levels each, which all terminals with colours have.
+    Cube,
 }
 
 impl Palette {

@@ -81,7 +81,7 @@ fn main() -> ExitCode {
         terminal::complain(&error.to_string());
         return ExitCode::from(2);
     }
-    command::limits::set(Limits { max_pixels: cli.max_pixels });
+    command::set_limits(Limits { max_pixels: cli.max_pixels });
     if cli.quiet {
         terminal::be_quiet();
     }

@@ -11,7 +11,7 @@ use multiscopic::{
 use multiscopic_core::{BlockMatchingParams, Fusion, SearchSpace};
 
 use super::{
-    limits::limits,
+    limits,
     options::{EngineOptions, MethodOptions, SearchOptions, named, views_of_count},
     terminal,
 };

@@ -19,8 +19,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, SearchSpace};
 
 use super::{
-    advice,
-    limits::limits,
+    advice, limits,
     options::{
         BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, PreparationOptions, SearchOptions, Source, named,
         output_file,

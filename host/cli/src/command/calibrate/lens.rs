@@ -18,8 +18,7 @@ use serde::Serialize;
 use super::{board::BoardOptions, camera_session::CameraSession};
 use crate::{
     command::{
-        advice,
-        limits::limits,
+        advice, limits,
         options::{BitsOption, CameraSpec, SettingsOptions, depth_of, named, output_file},
         terminal::{self, Watch},
     },

@@ -19,8 +19,7 @@ use super::{Evaluate, PAGE_BYTES, comparison::MethodTable, print_tables};
 use crate::{
     command::{
         batch::{Done, RunSettings},
-        limits::limits,
-        terminal,
+        limits, terminal,
         variant::{Errors, Measured, Subject, Variant, sparsification},
         view::{command_line, matched_map},
     },

@@ -20,7 +20,7 @@ use self::comparison::Comparison;
 pub use self::data_set::SceneRecord;
 use super::{
     batch::{BatchOptions, RunSettings},
-    limits::limits,
+    limits,
     options::{
         BaselineOptions, BitsOption, EngineOptions, GeometryOptions, MemoryOptions, MethodOptions, PreparationOptions,
         SearchOptions, Source, named, output_file, value::positive,

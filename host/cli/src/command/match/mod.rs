@@ -28,7 +28,7 @@ use self::outputs::Outputs;
 use super::{
     advice,
     batch::{BatchOptions, Done, RunSettings},
-    limits::limits,
+    limits,
     options::{EngineOptions, GeometryOptions, MatchingOptions, PRIOR_EXCLUDES, PreparationOptions, Source, SourceOptions},
     preparation::{mask_unseen, prepare, say_if_much},
     scene::truth_file,

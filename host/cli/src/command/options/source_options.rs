@@ -18,7 +18,7 @@ use super::{
     BitsOption,
     value::{finite, length, point},
 };
-use crate::command::{limits::limits, terminal};
+use crate::command::{limits, terminal};
 
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]

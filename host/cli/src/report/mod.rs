@@ -3,7 +3,6 @@
 
 mod chart;
 pub mod color_bar;
-pub mod contact_sheet;
 mod epipolar_map;
 pub mod error_map;
 mod figure;
@@ -14,7 +13,7 @@ mod viewer;
 
 pub use chart::{Chart, ChartLine};
 pub use epipolar_map::EpipolarMap;
-pub use figure::Figure;
+pub use figure::{Figure, PictureColumn, contact_sheet};
 pub use page::Report;
 #[cfg(feature = "calibration")]
 pub use reprojection_map::ReprojectionMap;

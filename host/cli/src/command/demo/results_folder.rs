@@ -25,11 +25,7 @@ use crate::{
         scene::{self, TRUTH_FILE_NAME},
         variant::{Errors, Variant},
     },
-    report::{
-        Figure, Report, ViewedScene,
-        contact_sheet::{self, PictureColumn},
-        error_map,
-    },
+    report::{Figure, PictureColumn, Report, ViewedScene, contact_sheet, error_map},
     results::{Record, ResultRow},
 };
 
@@ -149,7 +145,7 @@ impl ResultsFolder {
                 });
             }
         }
-        let sheet = contact_sheet::to_svg(&columns, SHEET_PANEL);
+        let sheet = contact_sheet(&columns, SHEET_PANEL);
         output::write(&self.file(SHEET), |writer| writer.write_all(sheet.as_bytes()))?;
         let [Outcome { disparities: stereo, .. }, .., Outcome { disparities: fused, .. }] = &outcomes[..block_matched] else {
             unreachable!("there are several variants")

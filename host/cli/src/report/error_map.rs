@@ -23,7 +23,7 @@ const INVALID: Rgb<u8> = Rgb([0, 170, 255]);
 pub const LEGEND: &str = "black: no error; purple, orange, yellow: up to 4 px and more; blue: no estimate; grey: truth unknown";
 
 /// Colours `|estimate - truth|` for every pixel, from black through purple and orange to light yellow at
-/// [`LIMIT_PX`] and above. The estimates come row by row, in pixels. A true disparity that is not finite is
+/// `LIMIT_PX` and above. The estimates come row by row, in pixels. A true disparity that is not finite is
 /// unknown.
 ///
 /// # Panics

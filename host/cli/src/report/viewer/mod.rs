@@ -13,20 +13,21 @@ pub use self::viewed_scene::{BlockCosts, EncodedMap, ViewedMap, ViewedScene};
 
 pub(super) const STYLE: &str = include_str!("page/viewer.css");
 const CONTROLS: &str = include_str!("page/viewer.html");
-const START: &str = include_str!("page/start.js");
+const START: &str = r#"import { openFirst } from "viewer/app.js";
+
+await openFirst();
+"#;
 
 /// The modules that others import, by name.
-const MODULES: [(&str, &str); 10] = [
+const MODULES: [(&str, &str); 8] = [
     ("viewer/app.js", include_str!("page/app.js")),
     ("viewer/cloud.js", include_str!("page/cloud.js")),
-    ("viewer/codec.js", include_str!("page/codec.js")),
     ("viewer/color.js", include_str!("page/color.js")),
     ("viewer/costs.js", include_str!("page/costs.js")),
     ("viewer/numbers.js", include_str!("page/numbers.js")),
     ("viewer/panes.js", include_str!("page/panes.js")),
     ("viewer/plots.js", include_str!("page/plots.js")),
     ("viewer/readout.js", include_str!("page/readout.js")),
-    ("viewer/scale.js", include_str!("page/scale.js")),
 ];
 
 /// The viewer of scenes, of which there is at least one. `command` made the page.

@@ -32,8 +32,7 @@ pub use self::recorder::Recorder;
 use super::{
     hardware::Hardware,
     options::{HardwareOptions, NeighborOptions, SearchOptions, micrometres, output_file, value::positive},
-    terminal,
-    view::View,
+    terminal, view,
 };
 
 /// Captures the frames of a rig: a stage moves a camera to the centre and to its neighbours
@@ -88,7 +87,7 @@ impl Capture {
         } else {
             self.record(&mut recorder, &self.output)?;
             if let Some(page) = &self.report {
-                View::of_capture(&self.output, page, &self.recorder.search).run()?;
+                view::View::of_capture(&self.output, page, &self.recorder.search).run()?;
             }
         }
         Ok(ExitCode::SUCCESS)

@@ -14,9 +14,8 @@ import torch
 import reference
 import scenes
 from data import batch_of
-from losses import metrics
 from model import Network
-from train import examples
+from train import examples, metrics
 
 
 def main():

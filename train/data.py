@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pfm import read_pfm
+from scenes import read_pfm
 
 
 class Example:

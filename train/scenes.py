@@ -17,8 +17,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pfm import read_pfm, write_pfm
-
 
 @dataclass(frozen=True)
 class Use:
@@ -79,6 +77,21 @@ TRAINING = [
         (Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 4))), halved=True, setting="studio",
     ),
 ]  # fmt: skip
+
+
+def read_pfm(path):
+    """An image of one channel of floats, whose rows are bottom-up in the file."""
+    with open(path, "rb") as file:
+        kind, size, scale = file.readline(), file.readline().split(), float(file.readline())
+        assert kind.strip() == b"Pf", path
+        pixels = np.frombuffer(file.read(), "<f4" if scale < 0 else ">f4")
+    return pixels.reshape(int(size[1]), int(size[0]))[::-1].astype(np.float32)
+
+
+def write_pfm(path, image):
+    with open(path, "wb") as file:
+        file.write(b"Pf\n%d %d\n-1.0\n" % image.shape[::-1])
+        file.write(image[::-1].astype("<f4").tobytes())
 
 
 def render(program, folder, scenes):

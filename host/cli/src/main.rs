@@ -3,8 +3,6 @@
 mod command;
 mod report;
 mod results;
-#[cfg(test)]
-mod tally;
 
 use std::{env, process::ExitCode};
 
@@ -52,7 +50,7 @@ enum Command {
     #[cfg(feature = "live")]
     Live(Box<command::live::Live>),
     Listen(command::listen::Listen),
-    Devices(command::devices::Devices),
+    Devices(command::hardware::Devices),
     Weights(command::weights::WeightsCommand),
     #[cfg(feature = "manuals")]
     Completions(command::manuals::Completions),
@@ -81,7 +79,7 @@ fn main() -> ExitCode {
         terminal::complain(&error.to_string());
         return ExitCode::from(2);
     }
-    command::limits::set(Limits { max_pixels: cli.max_pixels });
+    command::set_limits(Limits { max_pixels: cli.max_pixels });
     if cli.quiet {
         terminal::be_quiet();
     }
@@ -119,12 +117,16 @@ fn main() -> ExitCode {
 
 #[cfg(test)]
 mod tests {
-    use std::{cell::RefCell, ffi::OsString};
+    use std::{cell::RefCell, collections::BTreeMap, ffi::OsString};
 
-    use proptest::{collection::vec, prelude::*, sample::select};
+    use proptest::{
+        collection::vec,
+        prelude::*,
+        sample::select,
+        test_runner::{Config, TestRunner},
+    };
 
     use super::*;
-    use crate::tally::tally;
 
     /// Values that some options take, and values that none does, the first of which is empty.
     const VALUES: &str = " 0 1 -1 7 16 64 0.5 -0 1e300 nan inf 99999999999999999999 min mean bm sgm net gc bm,sgm none smooth \
@@ -162,6 +164,30 @@ mod tests {
                 ["multiscopic".into()].into_iter().chain(words.map(OsString::from)).collect()
             },
         )
+    }
+
+    /// Tries `cases` random inputs, or more if `PROPTEST_CASES` asks for them, and returns how many of them had each outcome.
+    ///
+    /// # Panics
+    /// For an input that `outcome` fails for or panics at, with the smallest such input.
+    pub fn tally<S: Strategy>(
+        cases: u32,
+        inputs: &S,
+        outcome: impl Fn(S::Value) -> Result<&'static str, TestCaseError>,
+    ) -> BTreeMap<&'static str, u64> {
+        let counts = RefCell::new(BTreeMap::new());
+        let default = Config::default();
+        let config = Config { cases: default.cases.max(cases), failure_persistence: None, ..default };
+        TestRunner::new(config)
+            .run(inputs, |input| {
+                let outcome = outcome(input)?;
+                *counts.borrow_mut().entry(outcome).or_insert(0) += 1;
+                Ok(())
+            })
+            .unwrap_or_else(|error| panic!("{error}"));
+        let counts = counts.into_inner();
+        println!("{counts:?}");
+        counts
     }
 
     #[test]

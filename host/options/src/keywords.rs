@@ -13,8 +13,8 @@ use multiscopic::{Error, Result};
 use crate::{
     machine::EngineOptions,
     matching::{MatchingOptions, PRIOR_EXCLUDES},
-    named::possible_values,
-    preparation::{BitsOption, PreparationOptions},
+    search::{BitsOption, PreparationOptions},
+    value::possible_values,
 };
 
 /// The characters in a line of Python's documentation.

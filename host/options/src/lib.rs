@@ -24,37 +24,28 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | [`value`] | numbers, checked as they are parsed |
-//! | `named` | [`Named`]: values that are chosen by name |
+//! | [`value`] | numbers, checked as they are parsed, and [`Named`]: values that are chosen by name |
 //! | `page_entry` | the controls that options get on the page |
-//! | `search` | the search range, the block, and views at several baselines |
-//! | `graph_cuts` | the options of `gc` |
-//! | `semi_global` | the options of `sgm` |
-//! | `mc_cnn` | the options of `mccnn-fast` and `mccnn-accurate` |
+//! | `search` | the search range, the block, views at several baselines, and the preparation of images |
+//! | `methods` | the options of `gc`, of `sgm`, and of `mccnn-fast` and `mccnn-accurate` |
 //! | `refinement` | checks and filters of disparities |
 //! | `matching` | all of them, and the method that they describe |
 //! | [`page`] | the controls of the page in the browser |
 //! | `machine` | threads, vector instructions and memory |
-//! | `preparation` | what is done to images before they are matched |
 //! | [`keywords`] | the keyword arguments of Python |
 
-mod graph_cuts;
 pub mod keywords;
 mod machine;
 mod matching;
-mod mc_cnn;
-mod named;
+mod methods;
 pub mod page;
 mod page_entry;
-mod preparation;
 mod refinement;
 mod search;
-mod semi_global;
 pub mod value;
 
 pub use keywords::Keywords;
 pub use machine::{EngineOptions, MemoryOptions};
 pub use matching::{MatchingOptions, MethodOptions, PRIOR_EXCLUDES};
-pub use named::{Named, named};
-pub use preparation::{BitsOption, PreparationOptions};
-pub use search::{BaselineOptions, SearchOptions, views_of_count};
+pub use search::{BaselineOptions, BitsOption, PreparationOptions, SearchOptions, views_of_count};
+pub use value::{Named, named};

@@ -10,13 +10,11 @@ use multiscopic::{
 use multiscopic_core::{Fusion, SearchSpace, Views};
 
 use crate::{
-    graph_cuts::GraphCutsOptions,
-    mc_cnn::McCnnOptions,
-    named::{Named, named},
+    methods::{GraphCutsOptions, McCnnOptions, SemiGlobalOptions},
     page_entry::Entry,
     refinement::RefinementOptions,
     search::{BaselineOptions, SearchOptions},
-    semi_global::SemiGlobalOptions,
+    value::{Named, named},
 };
 
 /// The options that have no effect on matches around a prior, which therefore refuse them.

@@ -11,13 +11,12 @@ use multiscopic::{
 use serde::Serialize;
 
 use crate::{
-    graph_cuts::GraphCutsOptions,
     matching::{MatchingCommand, MatchingOptions},
-    named::possible_values,
+    methods::{GraphCutsOptions, SemiGlobalOptions},
     page_entry::{Entry, Slider},
     refinement::RefinementOptions,
     search::SearchOptions,
-    semi_global::SemiGlobalOptions,
+    value::possible_values,
 };
 
 pub use crate::page_entry::Settings;

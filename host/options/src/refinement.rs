@@ -10,9 +10,8 @@ use multiscopic::{
 };
 
 use crate::{
-    named::{Named, named},
     page_entry::{Entry, Settings, Unset, method},
-    value::{point, probability},
+    value::{Named, named, point, probability},
 };
 
 /// The filters.

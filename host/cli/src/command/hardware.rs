@@ -1,6 +1,7 @@
-//! The camera and the stage that a command line names, opened.
+//! The camera and the stage that a command line names, opened, and `multiscopic devices`: the cameras of this machine.
 
 use std::{
+    process::ExitCode,
     sync::{
         Arc,
         atomic::{AtomicBool, AtomicUsize},
@@ -8,12 +9,13 @@ use std::{
     time::Duration,
 };
 
+use clap::Args;
 use image::GrayImage;
 use multiscopic::{
     Error, Result,
     capture::{
         BlockingCamera, Imperfections, SimulatedCamera, ThreadedCamera,
-        camera::V4l2Camera,
+        camera::{self, CameraInfo, FrameSizes, V4l2Camera},
         stage::{self, AnyStage, Limits, SimulatedStage, StageSpec},
     },
     scene::PinholeCamera,
@@ -22,7 +24,7 @@ use multiscopic_core::capture::Policy;
 
 use super::{
     options::{CameraSpec, HardwareOptions},
-    terminal::signals,
+    terminal::{self, signals},
 };
 
 /// The time that the sequence waits for a frame beyond the camera's own limit: the camera's error says more about the cause.
@@ -124,4 +126,56 @@ impl BlockingCamera for AnyCamera {
             AnyCamera::Simulated(camera) => camera.take(timeout, is_cancelled).map_err(|never| match never {}),
         }
     }
+}
+
+/// Lists the cameras with their formats and sizes
+///
+/// Cameras are the V4L2 capture devices of Linux. Those that cannot be used are listed with the reason.
+#[derive(Clone, Debug, Args)]
+pub struct Devices {
+    /// Print a JSON list of {"device","card","driver","bus","problem","formats"} instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+impl Devices {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let cameras = camera::list()?;
+        if self.json {
+            let json = serde_json::to_string(&cameras).expect("names and numbers");
+            terminal::print(&format!("{json}\n"))?;
+        } else if cameras.is_empty() {
+            terminal::complain("there are no cameras: no /dev/videoN captures images; plug in a camera or load its driver");
+        } else {
+            terminal::print(&cameras.iter().map(text).collect::<String>())?;
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// A camera as lines of text.
+fn text(camera: &CameraInfo) -> String {
+    let mut lines = match camera.card.as_str() {
+        "" => format!("{}\n", camera.device.display()),
+        card => format!("{}: {card} ({}, {})\n", camera.device.display(), camera.driver, camera.bus),
+    };
+    if let Some(problem) = &camera.problem {
+        lines += &format!("    cannot be used: {problem}\n");
+    }
+    for offer in camera.formats.iter().filter(|offer| offer.is_supported) {
+        let sizes = offer.sizes.iter().map(|sizes| match sizes {
+            FrameSizes::One([width, height]) => format!("{width}x{height}"),
+            FrameSizes::Range { min, max, step } => {
+                format!("{}x{} to {}x{} in steps of {}x{}", min[0], min[1], max[0], max[1], step[0], step[1])
+            }
+        });
+        let sizes = sizes.collect::<Vec<_>>().join(", ");
+        lines += &format!("    {:<4} ({}): {sizes}\n", offer.format, offer.description);
+    }
+    let others: Vec<&str> = camera.formats.iter().filter(|offer| !offer.is_supported).map(|offer| &*offer.format).collect();
+    if !others.is_empty() {
+        lines += &format!("    not supported: {}\n", others.join(", "));
+    }
+    lines
 }

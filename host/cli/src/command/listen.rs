@@ -18,7 +18,7 @@ use multiscopic::{
 use serde::Serialize;
 
 use super::{
-    limits::limits,
+    limits,
     options::{MapFiles, output_file},
     terminal,
 };

@@ -7,12 +7,9 @@ pub mod bench;
 pub mod budget;
 pub mod calibrate;
 pub mod capture;
-mod charts;
 pub mod demo;
-pub mod devices;
 pub mod evaluate;
-mod hardware;
-pub mod limits;
+pub mod hardware;
 pub mod listen;
 #[cfg(feature = "live")]
 pub mod live;
@@ -29,3 +26,20 @@ pub mod terminal;
 mod variant;
 pub mod view;
 pub mod weights;
+
+use std::sync::OnceLock;
+
+use multiscopic::files::Limits;
+
+/// The limits of what this run reads: those of `--max-pixels`.
+static LIMITS: OnceLock<Limits> = OnceLock::new();
+
+/// Sets the limits of this run, before anything is read.
+pub fn set_limits(limits: Limits) {
+    LIMITS.set(limits).expect("the limits are set once");
+}
+
+/// The limits of this run.
+pub fn limits() -> Limits {
+    LIMITS.get().copied().unwrap_or_default()
+}

@@ -15,7 +15,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, View};
 
 use super::{
-    limits::limits,
+    limits,
     options::{
         BitsOption, depth_of,
         value::{point, positive},

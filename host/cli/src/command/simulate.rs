@@ -19,7 +19,7 @@ use multiscopic_edge::{Matching, Profile, profile};
 use serde::Serialize;
 
 use super::{
-    limits::limits,
+    limits,
     options::{SourceOptions, named, output_file},
     terminal,
 };

@@ -3,19 +3,15 @@
 
 mod chart;
 pub mod color_bar;
-pub mod contact_sheet;
-mod epipolar_map;
 pub mod error_map;
 mod figure;
 mod page;
-#[cfg(feature = "calibration")]
-mod reprojection_map;
 mod viewer;
 
 pub use chart::{Chart, ChartLine};
-pub use epipolar_map::EpipolarMap;
-pub use figure::Figure;
-pub use page::Report;
+pub use error_map::EpipolarMap;
 #[cfg(feature = "calibration")]
-pub use reprojection_map::ReprojectionMap;
+pub use error_map::ReprojectionMap;
+pub use figure::{Figure, PictureColumn, contact_sheet};
+pub use page::Report;
 pub use viewer::{BlockCosts, EncodedMap, LivePanel, ViewedMap, ViewedScene};

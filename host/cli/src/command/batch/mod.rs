@@ -1,7 +1,6 @@
 //! Work on many items, which several machines may share, and the records of what is done.
 
-mod item_record;
-mod run_settings;
+mod records;
 
 use std::{
     fmt::{self, Display},
@@ -17,8 +16,7 @@ use multiscopic::{Error, Result};
 use serde::{Serialize, de::IgnoredAny};
 
 use crate::command::{advice, terminal};
-pub use item_record::{Fingerprint, ItemRecord, OutputRecord};
-pub use run_settings::{RunFile, RunSettings};
+pub use records::{Fingerprint, ItemRecord, OutputRecord, RunFile, RunSettings};
 
 /// The most names in a summary.
 const MOST_NAMES: usize = 5;

@@ -75,7 +75,7 @@ const MARKER_SHARE: f64 = 0.75;
 
 /// The kind of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BoardKind {
+enum BoardKind {
     Charuco,
     Chessboard,
 }

@@ -1,11 +1,9 @@
 //! `multiscopic capture`: a stage moves a camera, and the frames are written to a folder with a `rig.toml`.
 
-mod capture_log;
 #[cfg(feature = "mcap")]
 mod live_recording;
 mod long_baseline;
 mod recorder;
-mod recorder_options;
 
 use std::{
     fs,
@@ -16,13 +14,26 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{Error, Result, files::output};
+use multiscopic::{
+    Engine, Error, Result,
+    capture::{
+        Accuracy, SimulatedCamera,
+        stage::{AnyStage, TurnedStage},
+    },
+    files::output,
+    lens::{LensFile, Mount},
+};
+use multiscopic_core::{View, Views, capture::Plan};
 
-use super::{options::output_file, terminal, view::View};
-
-pub use self::{recorder::Recorder, recorder_options::RecorderOptions};
 #[cfg(feature = "mcap")]
-use live_recording::LiveRecording;
+use self::live_recording::LiveRecording;
+use self::long_baseline::{LongBaseline, at_multiple};
+pub use self::recorder::Recorder;
+use super::{
+    hardware::Hardware,
+    options::{HardwareOptions, NeighborOptions, SearchOptions, micrometres, output_file, value::positive},
+    terminal, view,
+};
 
 /// Captures the frames of a rig: a stage moves a camera to the centre and to its neighbours
 ///
@@ -76,7 +87,7 @@ impl Capture {
         } else {
             self.record(&mut recorder, &self.output)?;
             if let Some(page) = &self.report {
-                View::of_capture(&self.output, page, &self.recorder.search).run()?;
+                view::View::of_capture(&self.output, page, &self.recorder.search).run()?;
             }
         }
         Ok(ExitCode::SUCCESS)
@@ -120,4 +131,151 @@ impl Capture {
 /// Folders 0001 to 9999 within `parent`, without those that exist.
 pub fn free_folders(parent: &Path) -> impl Iterator<Item = PathBuf> {
     (1..=9999).map(move |number| parent.join(format!("{number:04}"))).filter(|folder| !folder.exists())
+}
+
+/// The hardware, and which frames it takes.
+#[derive(Clone, Debug, Args)]
+pub struct RecorderOptions {
+    #[command(flatten)]
+    hardware: HardwareOptions,
+
+    /// The camera's focal length in pixels, recorded in rig.toml; depth needs it [default: that of --lens, --mount, or what a
+    /// simulated camera is sold as]
+    #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
+    focal_px: Option<f64>,
+
+    /// Calibration of the camera's lens, which distorts the images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr. A copy
+    /// is kept beside rig.toml, and `match` undistorts the images by it
+    #[arg(long, value_name = "FILE")]
+    lens: Option<PathBuf>,
+
+    /// Rotation of the camera against the stage, as `multiscopic calibrate mount` finds it. A turn about the optical axis is
+    /// taken out by moving along the camera's own rows and columns. What remains is recorded in rig.toml, and `match` rectifies
+    /// the images by it
+    #[arg(long, value_name = "MOUNT.toml")]
+    mount: Option<PathBuf>,
+
+    #[command(flatten)]
+    layout: LayoutOptions,
+
+    #[command(flatten)]
+    search: SearchOptions,
+}
+
+impl RecorderOptions {
+    /// Reads the files, and opens the camera and the stage.
+    ///
+    /// From then on, Ctrl-C no longer ends the program.
+    pub fn recorder(&self) -> Result<Recorder> {
+        let lens = self.lens.as_deref().map(LensFile::read).transpose()?;
+        let mount = self.mount.as_deref().map(Mount::read).transpose()?;
+        let mut hardware = Hardware::open(&self.hardware)?;
+        if let Some(lens) = &lens {
+            lens.camera.check_size(&lens.path, hardware.size.map(|side| side as usize))?;
+            lens.check_focal(self.focal_px, "--focal-px")?;
+        }
+        let simulated = hardware.simulated.as_ref().map(SimulatedCamera::nominal_focal_px);
+        let focal_px =
+            self.focal_px.or(lens.as_ref().map(LensFile::focal_px)).or(mount.and_then(|mount| mount.focal_px)).or(simulated);
+        let mount_rotation_deg = match (mount, &self.mount) {
+            (Some(_), Some(path)) if focal_px.is_none() => {
+                let path = path.display();
+                return Err(Error::Usage(format!(
+                    "{path} has no focal length, without which images are not rectified: give --focal-px or --lens"
+                )));
+            }
+            (Some(mount), _) => {
+                let (roll, rest) = mount.split_roll();
+                hardware.stage = AnyStage::new(TurnedStage::new(hardware.stage, roll));
+                Some(rest.rotation_deg)
+            }
+            (None, _) => None,
+        };
+        let long_baseline = match (self.layout.accuracy, focal_px) {
+            (None, _) => None,
+            (Some(accuracy), None) => {
+                let message = format!("--accuracy {accuracy} needs the focal length in pixels: give --focal-px or --lens");
+                return Err(Error::Usage(message));
+            }
+            (Some(accuracy), Some(_)) => {
+                let (search, engine) = (self.search.clone(), Engine::new(None, 0)?);
+                Some(LongBaseline { accuracy, search, engine, reach_um: hardware.limits.reach_um })
+            }
+        };
+        let baseline_um = self.layout.baseline_um()?;
+        let plan = Plan::new(self.layout.views()?, baseline_um).shortened(hardware.policy.backlash_um);
+        Ok(Recorder { plan, baseline_um, long_baseline, focal_px, lens, mount_rotation_deg, hardware })
+    }
+}
+
+/// The places where frames are taken.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Layout")]
+struct LayoutOptions {
+    /// Distance from the centre to each neighbour, in millimetres
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, required_unless_present = "baselines")]
+    baseline: Option<f64>,
+
+    /// Several baselines in millimetres, such as 5,20,80: whole multiples of the first, up to 16. At the first one the whole
+    /// layout is taken, at the others the views in the centre's row and column; `match` goes from short to long
+    #[arg(
+        long,
+        value_name = "MM,MM",
+        value_parser = positive,
+        allow_negative_numbers = true,
+        value_delimiter = ',',
+        conflicts_with = "baseline"
+    )]
+    baselines: Vec<f64>,
+
+    #[command(flatten)]
+    neighbors: NeighborOptions,
+
+    /// Depth accuracy in millimetres out to a distance in millimetres, such as 0.5@600: the frames are matched, and if they are
+    /// not accurate enough, views at a longer baseline that gives it are taken as well; needs the focal length
+    #[arg(long, value_name = "MM@DISTANCE", conflicts_with = "baselines")]
+    accuracy: Option<Accuracy>,
+}
+
+impl LayoutOptions {
+    /// The shortest baseline in millimetres.
+    fn baseline_mm(&self) -> f64 {
+        self.baseline.or(self.baselines.first().copied()).unwrap_or_default()
+    }
+
+    /// The shortest baseline in micrometres.
+    fn baseline_um(&self) -> Result<u32> {
+        micrometres(if self.baselines.is_empty() { "--baseline" } else { "--baselines" }, self.baseline_mm())
+    }
+
+    /// The neighbours at the shortest baseline.
+    fn nearest(&self) -> Result<Views> {
+        self.neighbors.views()
+    }
+
+    /// All neighbours, at all baselines.
+    fn views(&self) -> Result<Views> {
+        let (nearest, baseline_um) = (self.nearest()?, self.baseline_um()?);
+        let mut views: Vec<View> = nearest.iter().collect();
+        for baseline in self.baselines.iter().skip(1) {
+            let um = micrometres("--baselines", *baseline)?;
+            let multiple = um / baseline_um;
+            if !um.is_multiple_of(baseline_um) || !(2..=View::MAX_OFFSET as u32).contains(&multiple) {
+                return Err(Error::Usage(format!(
+                    "--baselines includes {baseline} mm, it must be a whole multiple of the first, {} mm, from 2 to {}",
+                    self.baseline_mm(),
+                    View::MAX_OFFSET
+                )));
+            }
+            views.extend(at_multiple(nearest, multiple as u8).iter());
+        }
+        let (count, views) = (views.len(), views.into_iter().collect::<Views>());
+        match views.len() == count {
+            true => Ok(views),
+            false => Err(Error::Usage(format!(
+                "there are {count} views, some of them at the same place or more than {}: choose fewer, or longer baselines",
+                Views::MAX
+            ))),
+        }
+    }
 }

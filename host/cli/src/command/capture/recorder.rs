@@ -1,7 +1,7 @@
-//! Captures written to folders.
+//! Captures written to folders, and their logs.
 
 use std::{
-    fmt::{self, Display},
+    fmt::{self, Display, Write as _},
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -19,10 +19,7 @@ use multiscopic_core::{
 };
 use serde::Serialize;
 
-use super::{
-    capture_log::{self, CaptureLog},
-    long_baseline::LongBaseline,
-};
+use super::long_baseline::LongBaseline;
 use crate::command::{advice, hardware::Hardware, scene::TRUTH_FILE_NAME, terminal};
 
 /// Takes captures that differ only in their folder and date.
@@ -218,7 +215,7 @@ fn acquire(
     let mut done = 0;
     let Hardware { stage, camera, policy, interrupts, .. } = hardware;
     let images = acquire_images(stage, camera, plan, *policy, interrupts, |elapsed, progress| {
-        let step = capture_log::step(plan, progress);
+        let step = step_in_words(plan, progress);
         log.add(elapsed, &step);
         if let CaptureProgress::Captured(_) = progress {
             bar.inc(1);
@@ -243,4 +240,51 @@ fn path(hardware: &Hardware, plan: &Plan) -> String {
         moves.as_secs_f64(),
         (policy.settle * count as u32).as_secs_f64()
     )
+}
+
+/// The text of `capture.log`: when and with what the capture was made, then its steps with their times.
+#[derive(Clone, Debug)]
+struct CaptureLog(String);
+
+impl CaptureLog {
+    /// Its file, within the folder of the capture.
+    const FILE_NAME: &str = "capture.log";
+
+    /// A log that has its header.
+    fn new(date: &str, camera: &str, stage: &str) -> CaptureLog {
+        CaptureLog(format!("{date}\ncamera: {camera}\nstage: {stage}\n"))
+    }
+
+    /// Adds a step that began `elapsed` after the capture did.
+    fn add(&mut self, elapsed: Duration, step: &str) {
+        let _ = writeln!(self.0, "{:9.3} s  {step}", elapsed.as_secs_f64());
+    }
+
+    /// Adds a line about the capture as a whole.
+    fn note(&mut self, note: &str) {
+        let _ = writeln!(self.0, "{note}");
+    }
+
+    /// The text.
+    fn as_bytes(&self) -> &[u8] {
+        self.0.as_bytes()
+    }
+}
+
+/// A step of a capture of `plan`, in words.
+fn step_in_words(plan: &Plan, progress: CaptureProgress) -> String {
+    let name = |index: usize| plan.frames().get(index).copied().map_or(String::new(), |frame| frame.to_string());
+    match progress {
+        CaptureProgress::Moving(index) => {
+            let position = plan.positions().get(index).copied().unwrap_or_default();
+            let [x, y] = [position.x_um, position.y_um].map(|um| f64::from(um) / 1000.0);
+            format!("moving to ({x}, {y}) mm for the {} frame", name(index))
+        }
+        CaptureProgress::Settling(index) => format!("settling for the {} frame", name(index)),
+        CaptureProgress::Capturing(index) => format!("capturing the {} frame", name(index)),
+        CaptureProgress::Captured(index) => format!("captured the {} frame", name(index)),
+        CaptureProgress::Retrying(index) => format!("retrying the {} frame", name(index)),
+        CaptureProgress::Returning => "returning to the centre".into(),
+        CaptureProgress::Done => "done".into(),
+    }
 }

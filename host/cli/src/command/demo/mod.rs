@@ -1,7 +1,6 @@
 //! `multiscopic demo`: what additional views are good for, in pictures.
 
 mod results_folder;
-mod results_page;
 mod variants;
 
 use std::{path::PathBuf, process::ExitCode};
@@ -15,15 +14,13 @@ use multiscopic::{
 use multiscopic_core::{BlockMatchingParams, SearchSpace, Views};
 
 use self::{
-    results_folder::{Outcome, ResultsFolder},
-    results_page::ResultsPage,
+    results_folder::{Outcome, ResultsFolder, ResultsPage},
     variants::variants,
 };
 use super::{
-    charts::Errors,
     options::{EngineOptions, SearchOptions},
     terminal,
-    variant::{Measured, Subject, Variant},
+    variant::{Errors, Measured, Subject, Variant},
     view::matched_map,
 };
 use crate::{

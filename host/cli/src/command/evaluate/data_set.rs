@@ -19,10 +19,8 @@ use super::{Evaluate, PAGE_BYTES, comparison::MethodTable, print_tables};
 use crate::{
     command::{
         batch::{Done, RunSettings},
-        charts::{self, Errors},
-        limits::limits,
-        terminal,
-        variant::{Measured, Subject, Variant},
+        limits, terminal,
+        variant::{Errors, Measured, Subject, Variant, sparsification},
         view::{command_line, matched_map},
     },
     report::{Chart, Report, ViewedMap, ViewedScene},
@@ -151,7 +149,7 @@ impl Evaluate {
         };
         let has_default_fusion = self.comparison.has_default_fusion();
         let errors = Errors { variants, records, has_default_fusion, baselines: &baselines };
-        let curves = charts::sparsification(variants, records, curves);
+        let curves = sparsification(variants, records, curves);
         let charts: Vec<Chart> = errors.charts().into_iter().chain([curves]).collect();
         let page = Report::new(format!("Errors on {dataset}"))
             .viewer(&command_line(), scenes)

@@ -2,8 +2,6 @@
 
 mod comparison;
 mod data_set;
-mod rig_metrics;
-mod rig_options;
 mod rigs;
 
 use std::{
@@ -12,16 +10,23 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{Dataset, Error, Result, files::output};
+use multiscopic::{
+    Dataset, Error, FloatImage, Frames, Geometry, MatchSetup, Result, Rig, evaluation::ground_truth, files::output,
+    images::ImageRegion, lens::Undistortion,
+};
 use serde::Serialize;
 
+use self::comparison::Comparison;
 pub use self::data_set::SceneRecord;
-use self::{comparison::Comparison, rig_options::RigOptions};
 use super::{
     batch::{BatchOptions, RunSettings},
+    limits,
     options::{
-        BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, PreparationOptions, SearchOptions, named, output_file,
+        BaselineOptions, BitsOption, EngineOptions, GeometryOptions, MemoryOptions, MethodOptions, PreparationOptions,
+        SearchOptions, Source, named, output_file, value::positive,
     },
+    preparation::prepare,
+    scene::truth_file,
     terminal,
 };
 use crate::{
@@ -145,4 +150,108 @@ pub fn print_tables(records: &[Record]) -> Result<()> {
     let (rows, confidences) = (results::rows(records), results::confidence_rows(records));
     let limit = terminal::columns();
     terminal::print(&format!("{}\n{}", results::to_text(&rows, limit), results::confidences_to_text(&confidences, limit)))
+}
+
+/// The references that captured folders are compared with.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Captured folders")]
+struct RigOptions {
+    /// True disparities of the centre in pixels at the nearest baseline, +inf where unknown [default: truth.pfm in RIG_DIR, if it
+    /// is there]
+    #[arg(long, value_name = "TRUTH.pfm", conflicts_with = "dataset")]
+    truth: Option<PathBuf>,
+
+    /// The scene is a flat wall, at this distance along the optical axis if it is given: measure how flat it seems, and how far
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, conflicts_with = "dataset")]
+    plane: Option<Option<f64>>,
+
+    /// Part of the centre that shows the wall, in pixels: left and top edge, width and height [default: the middle half of both
+    /// sides]
+    #[arg(long, value_name = "X,Y,W,H", requires = "plane")]
+    region: Option<ImageRegion>,
+
+    /// Calibration of the lens, which distorts all images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr [default: the lens
+    /// of rig.toml]
+    #[arg(long, value_name = "FILE", conflicts_with = "dataset")]
+    lens: Option<PathBuf>,
+
+    #[command(flatten)]
+    bits: BitsOption,
+}
+
+/// The files of a captured folder.
+struct RigFiles {
+    /// The folder.
+    directory: PathBuf,
+    /// Its rig and images.
+    source: Source,
+    /// The file of its true disparities, if they are known.
+    truth: Option<PathBuf>,
+}
+
+/// A capture, ready to be matched.
+struct PreparedRig {
+    /// The frames, undistorted and rectified.
+    frames: Frames,
+    /// The table that undistorted them, if the lens is known.
+    undistortion: Option<Undistortion>,
+    /// The geometry, if it is known.
+    geometry: Option<Geometry>,
+    /// The true disparities of the centre, if they are known.
+    truth: Option<FloatImage>,
+    /// Their preparation, with what it found.
+    preparation: MatchSetup,
+}
+
+impl RigOptions {
+    /// The files of a captured folder.
+    fn files(&self, directory: &Path) -> Result<RigFiles> {
+        if !directory.join(Rig::FILE_NAME).is_file() {
+            let directory = directory.display();
+            return Err(Error::Usage(format!(
+                "{directory} has no {}: give a captured folder, or --dataset with the folder of a data set",
+                Rig::FILE_NAME
+            )));
+        }
+        Ok(RigFiles {
+            directory: directory.into(),
+            source: Source::of_rig(directory, self.lens.as_deref(), &self.bits)?,
+            truth: self.truth.clone().or_else(|| truth_file(directory)),
+        })
+    }
+
+    /// The part of an image that shows the wall, or all of it if there is none.
+    fn region(&self, size: [usize; 2]) -> ImageRegion {
+        match self.plane {
+            Some(_) => self.region.unwrap_or(ImageRegion::middle(size)),
+            None => ImageRegion::whole(size),
+        }
+    }
+}
+
+impl RigFiles {
+    /// All files that are read.
+    fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.source.paths().chain(self.truth.as_deref())
+    }
+
+    /// Reads and prepares the capture.
+    fn load(
+        &mut self,
+        geometry: &GeometryOptions,
+        preparation: &PreparationOptions,
+        search: &SearchOptions,
+        memory: &MemoryOptions,
+    ) -> Result<PreparedRig> {
+        let (mut frames, _, undistortion) = self.source.load()?;
+        let Source { rig, lens, images, .. } = &self.source;
+        let mut geometry = geometry.geometry(rig.as_ref(), lens.as_ref(), &frames)?;
+        let read = |path: &PathBuf| ground_truth::read_pfm(path, frames.size(), &images.center, limits());
+        let truth = self.truth.as_ref().map(read).transpose()?;
+        let (size, views) = (frames.size(), frames.views());
+        let search = |range| search.search(size, views, None, range);
+        let preparation = prepare(preparation, &self.source, undistortion.as_ref(), &mut frames, &mut geometry, memory, search)?;
+        let truth = truth.map(|truth| preparation.truth(truth));
+        Ok(PreparedRig { frames, undistortion, geometry, truth, preparation })
+    }
 }

@@ -1,35 +1,45 @@
 //! `multiscopic tune` and `multiscopic live`: a page on which a rig is matched while the options of `match` are set, and a camera
 //! takes further rigs.
 
-mod frame_meters;
 mod notice_board;
 mod server;
-mod serving;
 mod studio;
 mod tuned_rig;
 mod workbench;
 
 use std::{
     fs,
+    net::SocketAddr,
     path::{Path, PathBuf},
     process::ExitCode,
-    sync::Arc,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
     thread,
+    time::Duration,
 };
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, Id, value_parser};
-use multiscopic::{Error, Result};
+use multiscopic::{Error, Processor, Result};
 use serde::Deserialize;
+use serde_json::json;
+use tokio::runtime::{Builder, Runtime};
 
 use self::{
     notice_board::NoticeBoard,
-    server::Messages,
-    serving::{Page, ServingOptions},
+    server::{Messages, Server},
     studio::Studio,
     tuned_rig::TunedRig,
     workbench::{Wish, Workbench},
 };
-use crate::command::{capture::RecorderOptions, options::EngineOptions, view};
+use super::{
+    capture::RecorderOptions,
+    options::{EngineOptions, Named},
+    terminal::{self, signals},
+    view::{self, command_line},
+};
+use crate::report::{LivePanel, Report};
 
 /// Serves a page with a camera on a stage: what it sees, whether it is in focus and well exposed, and the sets that it takes,
 /// which are matched as on the page of `tune`
@@ -81,7 +91,7 @@ impl Live {
 
 /// A camera on a stage, or a captured folder.
 #[derive(Debug)]
-pub enum LiveSource {
+enum LiveSource {
     /// `RIG_DIR`.
     Rig(PathBuf),
     /// `--camera` and what it needs.
@@ -90,13 +100,13 @@ pub enum LiveSource {
 
 /// The camera, the stage, and the folder of the sets.
 #[derive(Debug, Args)]
-pub struct CameraOptions {
+struct CameraOptions {
     #[command(flatten)]
-    pub recorder: RecorderOptions,
+    recorder: RecorderOptions,
 
     /// Folder for the sets, which become its folders 0001, 0002, and so on
     #[arg(short, long, value_name = "DIR")]
-    pub output: PathBuf,
+    output: PathBuf,
 }
 
 const RIG: &str = "rig";
@@ -162,7 +172,7 @@ impl Tune {
 }
 
 /// Serves the page of a captured folder until a signal comes.
-pub fn tune(folder: &Path, serving: &ServingOptions, engine: &EngineOptions) -> Result<ExitCode> {
+fn tune(folder: &Path, serving: &ServingOptions, engine: &EngineOptions) -> Result<ExitCode> {
     let rig = TunedRig::open(folder)?;
     let bench = Arc::new(Workbench::new(engine.engine()?));
     bench.open(rig);
@@ -190,5 +200,107 @@ impl Messages for Tuning {
         let Message::Match(wish) = serde_json::from_str(text).map_err(|error| error.to_string())?;
         self.0.ask(wish);
         Ok(())
+    }
+}
+
+/// The time between two looks for Ctrl-C.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
+
+/// The address of the page.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Page")]
+struct ServingOptions {
+    /// Address and port to listen on; port 0 is any that is free. At another address than the loopback's, whoever reads along on
+    /// the way can use the page too, since it is not encrypted
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
+    listen: SocketAddr,
+
+    /// Do not open the page; it is never opened unless messages go to a terminal
+    #[arg(long)]
+    no_open: bool,
+}
+
+/// A server that listens.
+struct Served {
+    runtime: Runtime,
+    server: Server,
+    no_open: bool,
+    /// Counts the signals.
+    signals: Arc<AtomicUsize>,
+}
+
+impl ServingOptions {
+    /// Listens. From then on, Ctrl-C no longer ends the program.
+    fn bind(&self) -> Result<Served> {
+        let runtime = Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.map_err(|error| Error::Usage(format!("cannot start the server: {error}")))?;
+        let server = runtime.block_on(Server::bind(self.listen))?;
+        Ok(Served { runtime, server, no_open: self.no_open, signals: signals::count(usize::MAX) })
+    }
+}
+
+impl Served {
+    /// Serves a page, and matches what it asks for. `is_over` is asked again and again, with the number of signals that have
+    /// come.
+    fn serve(
+        self,
+        page: Page<'_>,
+        bench: &Arc<Workbench>,
+        messages: Arc<dyn Messages>,
+        is_over: impl Fn(usize) -> bool,
+    ) -> Result<ExitCode> {
+        let address = self.server.address();
+        terminal::say(&format!("open {address}"));
+        if !self.no_open {
+            terminal::open(address.as_ref());
+        }
+        let matching = {
+            let bench = bench.clone();
+            thread::spawn(move || bench.run())
+        };
+        self.runtime.block_on(self.server.run(page.html(bench), messages, async {
+            while !is_over(self.signals.load(Ordering::Relaxed)) && !matching.is_finished() {
+                tokio::time::sleep(POLL_INTERVAL).await;
+            }
+        }));
+        bench.close();
+        // A match under way is left to the end of the program, since nothing waits for it. A thread that has ended by itself has
+        // panicked.
+        if matching.is_finished()
+            && let Err(panic) = matching.join()
+        {
+            std::panic::resume_unwind(panic);
+        }
+        Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from))
+    }
+}
+
+const STYLE: &str = include_str!("page/panel.css");
+const CAMERA: &str = include_str!("page/camera.html");
+const TUNING: &str = include_str!("page/tuning.html");
+const START: &str = include_str!("page/start.js");
+
+/// The modules that others import, by name.
+const MODULES: [(&str, &str); 2] =
+    [("live/camera.js", include_str!("page/camera.js")), ("live/tuning.js", include_str!("page/tuning.js"))];
+
+/// The contents of the page.
+#[derive(Clone, Copy, Debug)]
+struct Page<'a> {
+    title: &'a str,
+    /// True if there is a camera beside the matching.
+    has_camera: bool,
+}
+
+impl Page<'_> {
+    /// The page in HTML.
+    fn html(self, bench: &Workbench) -> String {
+        let processor = |processor: &Processor| json!({ "name": processor.name(), "clock_mhz": processor.clock_mhz() });
+        let processors: Vec<_> = Processor::ALL.iter().map(processor).collect();
+        let data = json!({ "controls": bench.controls(), "processors": processors });
+        let camera = if self.has_camera { CAMERA } else { "" };
+        let markup = format!("<div class=\"side\">{camera}{TUNING}</div>");
+        let panel = LivePanel { markup: &markup, style: STYLE, modules: &MODULES, start: START, data };
+        Report::new(self.title).live_viewer(&command_line(), panel).to_html()
     }
 }

@@ -279,7 +279,7 @@ mod tests {
     };
 
     use super::*;
-    use crate::{command::options::SearchOptions, tally::tally};
+    use crate::{command::options::SearchOptions, tests::tally};
 
     /// Values that some options take, and values that none does.
     const VALUES: [&str; 23] = [

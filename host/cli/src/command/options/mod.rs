@@ -1,8 +1,6 @@
 //! Options that several commands share. Those of matching are in a crate of their own, which Python has, too.
 
-mod geometry_options;
 mod hardware_options;
-mod map_files;
 pub mod output_file;
 mod source_options;
 
@@ -10,16 +8,15 @@ use clap::Args;
 use multiscopic::{Result, images::Layout};
 use multiscopic_core::Views;
 
-pub use geometry_options::GeometryOptions;
 #[cfg(feature = "calibration")]
 pub use hardware_options::SettingsOptions;
 pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
-pub use map_files::MapFiles;
 pub use multiscopic_options::{
     BaselineOptions, BitsOption, EngineOptions, MatchingOptions, MemoryOptions, MethodOptions, Named, PRIOR_EXCLUDES,
     PreparationOptions, SearchOptions, named, value, views_of_count,
 };
-pub use source_options::{Source, SourceOptions, depth_of};
+pub use output_file::MapFiles;
+pub use source_options::{GeometryOptions, Source, SourceOptions, depth_of};
 
 /// The neighbours that are captured.
 #[derive(Clone, Copy, Debug, Args)]

@@ -1,14 +1,12 @@
 // The viewer: it decodes scenes, those of the page or of a server, and shows them.
 
-import { INVALID, bytes, disparities, palette } from "viewer/codec.js";
-import { drawConfidences, drawDepths, drawDisparities, drawErrors, drawGray, ramp } from "viewer/color.js";
+import { Scale, drawConfidences, drawDepths, drawDisparities, drawErrors, drawGray, ramp } from "viewer/color.js";
 import { costsAt } from "viewer/costs.js";
 import { Cloud } from "viewer/cloud.js";
-import { depth } from "viewer/numbers.js";
+import { INVALID, bytes, depth, disparities, palette } from "viewer/numbers.js";
 import { Panes } from "viewer/panes.js";
 import { sceneCharts } from "viewer/plots.js";
 import { showReadout, valuesAt } from "viewer/readout.js";
-import { Scale } from "viewer/scale.js";
 
 const byId = (id) => document.getElementById(id);
 const page = JSON.parse(byId("viewer-data").textContent);

@@ -1,7 +1,7 @@
 // Charts: the costs at a pixel, the errors of maps, and the wrong pixels among the surest.
 
-import { INVALID } from "viewer/codec.js";
 import { perSample } from "viewer/costs.js";
+import { INVALID } from "viewer/numbers.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 

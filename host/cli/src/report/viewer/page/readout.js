@@ -1,8 +1,7 @@
 // What is under the cursor: disparity, depth, confidence and error of every map, and the costs of the chosen one.
 
-import { INVALID } from "viewer/codec.js";
 import { costsAt, explanation } from "viewer/costs.js";
-import { depth, percent, pixels, px } from "viewer/numbers.js";
+import { INVALID, depth, percent, pixels, px } from "viewer/numbers.js";
 import { costChart } from "viewer/plots.js";
 
 const byId = (id) => document.getElementById(id);

@@ -5,12 +5,12 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::{
     chart::Chart,
-    epipolar_map::EpipolarMap,
+    error_map::EpipolarMap,
     figure::Figure,
     viewer::{self, LivePanel, ViewedScene},
 };
 
-const STYLE: &str = concat!(include_str!("page.css"), include_str!("../chart.css"));
+const STYLE: &str = concat!(include_str!("page.css"), include_str!("chart.css"));
 /// The sources that a page may load: nothing but what is in it.
 const POLICY: &str = "default-src 'none'; img-src data: file: 'self'; style-src 'unsafe-inline'; script-src 'unsafe-inline' data:; \
                       base-uri 'none'; form-action 'none'";
@@ -97,7 +97,7 @@ impl Report {
 
     /// Adds a picture of the errors of a lens calibration.
     #[cfg(feature = "calibration")]
-    pub fn reprojections(self, map: &super::reprojection_map::ReprojectionMap<'_>) -> Report {
+    pub fn reprojections(self, map: &super::error_map::ReprojectionMap<'_>) -> Report {
         self.part(html! { div class="scroll" tabindex="0" { (map) } })
     }
 

@@ -11,7 +11,7 @@ use multiscopic::{
 use multiscopic_core::{BlockMatchingParams, Fusion, SearchSpace};
 
 use super::{
-    limits::limits,
+    limits,
     options::{EngineOptions, MethodOptions, SearchOptions, named, views_of_count},
     terminal,
 };
@@ -157,9 +157,6 @@ fn noise_frames(params: &BlockMatchingParams) -> Frames {
     params.views().iter().fold(Frames::new(shifted((0, 0))), |frames, view| frames.with(view, shifted(view.shift(middle))))
 }
 
-/// The program, with names in braces for what differs.
-const PROGRAM: &str = include_str!("opencv.py");
-
 /// The call that makes OpenCV's matcher of the same kind, without its filters. OpenCV takes multiples of 16 disparities.
 ///
 /// # Errors
@@ -192,3 +189,28 @@ fn opencv_program(search: &SearchSpace, matcher: &str, [threads, repeat]: [usize
     let program = PROGRAM.replace("{matcher}", matcher).replace("{threads}", &threads);
     numbers.iter().fold(program, |program, (name, number)| program.replace(name, &number.to_string()))
 }
+
+/// The program, with names in braces for what differs.
+const PROGRAM: &str = r#"# Needs opencv-python-headless and numpy: pip install opencv-python-headless
+import time
+
+import cv2
+import numpy as np
+
+cv2.setNumThreads({threads})
+# A plane in noise, 20 pixels away.
+noise = np.random.default_rng(0).integers(0, 256, ({height}, {width} + 20), dtype=np.uint8)
+left, right = np.ascontiguousarray(noise[:, :-20]), np.ascontiguousarray(noise[:, 20:])
+matcher = {matcher}
+if isinstance(matcher, cv2.StereoBM):
+    matcher.setTextureThreshold(0)
+    matcher.setUniquenessRatio(0)
+seconds = float("inf")
+for _ in range({repeat}):
+    start = time.perf_counter()
+    matcher.compute(left, right)
+    seconds = min(seconds, time.perf_counter() - start)
+count = matcher.getNumDisparities()
+print(f"OpenCV {cv2.__version__}, {type(matcher).__name__}, {width}x{height}, {count} disparities, "
+      f"threads {cv2.getNumThreads()}: {1e3 * seconds:.1f} ms, {left.size * count / seconds / 1e9:.3f} GDE/s")
+"#;

@@ -1,3 +1,0 @@
-import { openFirst } from "viewer/app.js";
-
-await openFirst();

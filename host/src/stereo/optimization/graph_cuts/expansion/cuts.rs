@@ -1,22 +1,130 @@
-//! The best move with unique matches: every free pixel keeps its label, becomes occluded or takes the new
-//! label, and no two pixels have the same match (Kolmogorov and Zabih 2001).
+//! The best moves as minimum cuts: the rows that one cut moves, and the cut for each [`Occlusion`].
+//!
+//! With capped occlusions, every free pixel keeps its label or takes the new one. With unique matches, it keeps its label,
+//! becomes occluded or takes the new label, and no two pixels have the same match (Kolmogorov and Zabih 2001).
 
-use super::{
-    expansion_move::{
-        ExpansionMove, NO_OWNER, Neighbors, Outcome,
-        Outcome::{Keep, Occlude, Take},
-        Run,
-    },
-    topology::{DROP_NODE, TAKE_NODE, TO_OTHER_KIND, TO_RIVAL, TO_SIBLING, UniqueTopology},
+use std::ops::Range;
+
+use super::expansion_move::{
+    CappedTopology, DROP_NODE, ExpansionMove, NO_OWNER, Neighbors,
+    Outcome::{self, Keep, Occlude, Take},
+    Run, TAKE_NODE, TO_OTHER_KIND, TO_RIVAL, TO_SIBLING, UniqueTopology, stride_of,
 };
 use crate::stereo::{
     cost::birchfield_tomasi::Intervals,
     optimization::graph_cuts::{
+        energy::Energy,
         max_flow::MaxFlow,
-        parameters::GraphCuts,
-        pixel::{Label, OCCLUDED},
+        parameters::{GraphCuts, Label, OCCLUDED, Occlusion, Smoothness},
     },
 };
+
+/// Rows of the image that one cut moves. The rows next to a band do not change in the same move, so bands are
+/// independent.
+#[derive(Debug)]
+pub struct Band {
+    /// The rows of the band.
+    pub rows: Range<usize>,
+    /// The pixels that may change, from top to bottom.
+    pub runs: Vec<Run>,
+    /// The graph of the cut, for at least these rows.
+    pub graph: BandGraph,
+    /// The change of the energy by the move.
+    pub change: i64,
+}
+
+impl Band {
+    /// A band without pixels that may change.
+    pub fn new(energy: &Energy, rows: Range<usize>) -> Band {
+        Band { graph: BandGraph::new(energy, rows.len()), rows, runs: Vec::new(), change: 0 }
+    }
+}
+
+/// The graph of a band's moves: its rows, and one row above and below. All capacities are 0 between moves.
+#[derive(Debug)]
+pub enum BandGraph {
+    Capped(MaxFlow<CappedTopology>),
+    /// With linear smoothness.
+    UniqueLinear(MaxFlow<UniqueTopology<true>>),
+    /// With Potts smoothness.
+    UniquePotts(MaxFlow<UniqueTopology<false>>),
+}
+
+impl BandGraph {
+    fn new(energy: &Energy, rows: usize) -> BandGraph {
+        let (stride, rows) = (stride_of(energy.size()[0]), rows + 2);
+        match (energy.occlusion_rule(), energy.smoothness_rule()) {
+            (Occlusion::Capped, _) => BandGraph::Capped(MaxFlow::new(CappedTopology::new(stride, rows))),
+            (Occlusion::Unique, Smoothness::Linear) => BandGraph::UniqueLinear(MaxFlow::new(UniqueTopology::new(stride, rows))),
+            (Occlusion::Unique, Smoothness::Potts) => BandGraph::UniquePotts(MaxFlow::new(UniqueTopology::new(stride, rows))),
+        }
+    }
+
+    /// The most rows of an image of this width that the graph has nodes for.
+    pub fn max_rows(&self, width: usize) -> usize {
+        let slots = match self {
+            BandGraph::Capped(graph) => graph.nodes(),
+            BandGraph::UniqueLinear(graph) => graph.nodes() / 2,
+            BandGraph::UniquePotts(graph) => graph.nodes() / 2,
+        };
+        slots / stride_of(width) - 2
+    }
+
+    /// The bytes for each pixel, with the rivals of nodes and the queues of the maximum flow, which at worst
+    /// hold every node twice.
+    pub const fn pixel_bytes(occlusion: Occlusion, smoothness: Smoothness) -> usize {
+        let queues = 2 * size_of::<u32>();
+        let rivals = 2 * size_of::<u32>();
+        match (occlusion, smoothness) {
+            (Occlusion::Capped, _) => MaxFlow::<CappedTopology>::node_bytes() + queues,
+            (Occlusion::Unique, Smoothness::Linear) => 2 * (MaxFlow::<UniqueTopology<true>>::node_bytes() + queues) + rivals,
+            (Occlusion::Unique, Smoothness::Potts) => 2 * (MaxFlow::<UniqueTopology<false>>::node_bytes() + queues) + rivals,
+        }
+    }
+}
+
+impl ExpansionMove<'_> {
+    /// Writes the labels that change in the best move to `next`. Pixels on the sink's side of the cut take
+    /// the new label.
+    pub fn cut_capped(&self, graph: &mut MaxFlow<CappedTopology>, next: &mut [Label]) {
+        self.cut(graph, 1, |graph, run| {
+            for (_, slot) in self.pixels(run) {
+                graph.add_terminal(self.node(slot), self.proposed_data[slot] - self.data[slot]);
+            }
+            self.for_each_pair(run, |neighbors| self.add_capped_pair(neighbors, graph));
+        });
+        for run in self.runs {
+            for (_, slot) in self.pixels(run).filter(|&(_, slot)| graph.is_sink(self.node(slot))) {
+                next[slot - self.first_slot] = self.label;
+            }
+            graph.clear(self.nodes(run, 1));
+        }
+    }
+
+    /// Adds the smoothness term of two neighbours, at least one of which is free.
+    #[inline(always)]
+    fn add_capped_pair(&self, neighbors: Neighbors, graph: &mut MaxFlow<CappedTopology>) {
+        let Neighbors { first, second, .. } = neighbors;
+        let keep = self.pair_cost(neighbors, Keep, Keep);
+        let (node1, node2) = (self.node(first), self.node(second));
+        match (self.is_free[first], self.is_free[second]) {
+            (true, false) => graph.add_terminal(node1, self.pair_cost(neighbors, Take, Keep) - keep),
+            (false, true) => graph.add_terminal(node2, self.pair_cost(neighbors, Keep, Take) - keep),
+            _ => {
+                let second_takes = self.pair_cost(neighbors, Keep, Take);
+                // Pairs that look the same at some disparities only can break the triangle inequality.
+                // Raising the cost of a move that breaks it makes the pair submodular. The cut then
+                // overestimates that move, so the energy still falls.
+                let first_takes = self.pair_cost(neighbors, Take, Keep).max(keep - second_takes);
+                let forward = (second_takes - keep / 2).clamp(0, second_takes + first_takes - keep);
+                let backward = second_takes + first_takes - keep - forward;
+                graph.add_arc(node1, neighbors.arc(), forward, backward);
+                graph.add_terminal(node1, first_takes - keep - backward);
+                graph.add_terminal(node2, second_takes - keep - forward);
+            }
+        }
+    }
+}
 
 /// A capacity that no flow exhausts.
 const UNBOUNDED: i32 = 1 << 28;

@@ -1,11 +1,11 @@
-//! The median filter.
+//! Filters over windows: the median and the bilateral filter.
 
 use multiscopic_core::Disparity;
 use rayon::prelude::*;
 
 use crate::{
     error::{Error, Result},
-    images::DisparityMap,
+    images::{DisparityMap, Raster},
 };
 
 /// A median filter over a square window. Invalid pixels stay invalid and never count; of an even number of
@@ -102,10 +102,72 @@ impl Histogram {
     }
 }
 
+/// A bilateral filter: the mean of the disparities in a window that differ from the middle one by less than a
+/// threshold, weighted by a Gaussian of their distance (Žbontar and LeCun 2016, section 4.4). The window ends
+/// at three standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bilateral {
+    sigma: f64,
+    threshold: f64,
+}
+
+impl Bilateral {
+    /// The published values of the fast network on Middlebury.
+    pub const FAST: Bilateral = Bilateral { sigma: 6.0, threshold: 2.0 };
+    /// The published values of the accurate network on Middlebury.
+    pub const ACCURATE: Bilateral = Bilateral { sigma: 1.67, threshold: 2.0 };
+
+    /// A filter with a standard deviation of `sigma` pixels, and a threshold in pixels of disparity.
+    ///
+    /// # Errors
+    /// If `sigma` is not above 0 and at most 20, or the threshold not above 0.
+    pub fn new(sigma: f64, threshold: f64) -> Result<Bilateral> {
+        if !(sigma > 0.0 && sigma <= 20.0 && threshold > 0.0) {
+            let found = format!("the bilateral filter has sigma {sigma} and threshold {threshold}");
+            return Err(Error::Usage(format!("{found}, sigma must be above 0 and at most 20, the threshold above 0")));
+        }
+        Ok(Bilateral { sigma, threshold })
+    }
+
+    /// The filtered map, computed on the threads of the current pool.
+    pub fn apply(self, map: &DisparityMap) -> DisparityMap {
+        let radius = (3.0 * self.sigma).ceil() as usize;
+        let falloff = |distance: usize| (-((distance * distance) as f64) / (2.0 * self.sigma * self.sigma)).exp();
+        let weights: Vec<f64> = (0..=radius).map(falloff).collect();
+        let threshold = self.threshold * f64::from(Disparity::STEPS);
+        filter_valid(map, |u, v, center| {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for (x, y, d) in valid_in_window(map, u, v, radius) {
+                let difference = f64::from(d.to_bits()) - f64::from(center.to_bits());
+                if difference.abs() < threshold {
+                    let weight = weights[x.abs_diff(u)] * weights[y.abs_diff(v)];
+                    sum += weight * difference;
+                    total += weight;
+                }
+            }
+            Disparity::from_bits((f64::from(center.to_bits()) + sum / total).round() as i16)
+        })
+    }
+}
+
+/// The map with each valid pixel replaced by what `filter` makes of its column, row and disparity.
+fn filter_valid(map: &DisparityMap, filter: impl Fn(usize, usize, Disparity) -> Option<Disparity> + Sync) -> DisparityMap {
+    let width = map.width();
+    let pixels = map.pixels().par_iter().enumerate();
+    let pixels = pixels.map(|(i, pixel)| pixel.and_then(|d| filter(i % width, i / width, d))).collect();
+    Raster::new(width, map.height(), pixels)
+}
+
+/// The valid pixels in the window of `radius` around `(u, v)`: column, row and disparity.
+fn valid_in_window(map: &DisparityMap, u: usize, v: usize, radius: usize) -> impl Iterator<Item = (usize, usize, Disparity)> {
+    let columns = u.saturating_sub(radius)..map.width().min(u + radius + 1);
+    let rows = v.saturating_sub(radius)..map.height().min(v + radius + 1);
+    rows.flat_map(move |y| columns.clone().filter_map(move |x| Some((x, y, map.get(x, y)?))))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::images::Raster;
 
     fn map(width: usize, bits: &[i16]) -> DisparityMap {
         // -1 stands for none.
@@ -144,5 +206,18 @@ mod tests {
                 .collect();
             assert_eq!(Median::new(size).unwrap().apply(&map(width, &bits)), map(width, &expected), "{width}x{height}, {size}");
         }
+    }
+
+    #[test]
+    fn bilateral_keeps_edges() {
+        let bilateral = Bilateral::new(1.0, 2.0).unwrap();
+        let flat = map(4, &[640; 12]);
+        assert_eq!(bilateral.apply(&flat), flat);
+        let edge = map(4, &[64, 64, 192, 192, 64, 64, 192, 192]);
+        assert_eq!(bilateral.apply(&edge), edge, "a difference of two pixels is not below the threshold");
+        // Two pixels a distance of 1 apart: the weight of the other is e^(-1/2), so that a share of 0.3775 of
+        // 100 comes over.
+        assert_eq!(bilateral.apply(&map(2, &[100, 200])), map(2, &[138, 162]));
+        assert!(Bilateral::new(0.0, 1.0).is_err() && Bilateral::new(1.0, f64::NAN).is_err());
     }
 }

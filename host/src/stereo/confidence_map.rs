@@ -1,6 +1,127 @@
-//! The tables of the methods that the core does not have, as `tests/examples/confidence.rs` fits them.
+//! Confidence: the probability that a disparity is at most one pixel off, for every method.
+//!
+//! Two measures of each pixel decide: the number of disparities around that agree with its own, and the *evidence*, a byte that
+//! the method gives. A [`ConfidenceTable`] of the method has the probabilities.
 
 use multiscopic_core::ConfidenceTable;
+use rayon::prelude::*;
+
+use super::Engine;
+use crate::images::{DisparityMap, Raster};
+
+/// The confidence of every pixel: the probability that its disparity is at most one pixel off, times 255.
+pub type ConfidenceMap = Raster<u8>;
+
+/// The confidences of `map`, by the evidence of each pixel.
+///
+/// # Panics
+/// If the two differ in size.
+pub fn confidences(map: &DisparityMap, evidence: &Raster<u8>, table: &ConfidenceTable, engine: &Engine) -> ConfidenceMap {
+    let (width, height) = (map.width(), map.height());
+    assert_eq!((evidence.width(), evidence.height()), (width, height), "the size of the evidence");
+    let mut confidences = Raster::filled(width, height, 0);
+    engine.install(|| {
+        confidences.pixels_mut().par_chunks_exact_mut(width).enumerate().for_each(|(v, line)| {
+            table.line(lattice_rows(map, v), evidence.row(v), line);
+        });
+    });
+    confidences
+}
+
+/// Confidences, with 0 where `map` is invalid.
+///
+/// # Panics
+/// If the two differ in size.
+pub fn where_valid(map: &DisparityMap, mut confidences: ConfidenceMap) -> ConfidenceMap {
+    assert_eq!((confidences.width(), confidences.height()), (map.width(), map.height()), "the size of the confidences");
+    for (pixel, confidence) in map.pixels().iter().zip(confidences.pixels_mut()) {
+        if pixel.is_none() {
+            *confidence = 0;
+        }
+    }
+    confidences
+}
+
+/// The confidence of a probability from 0 to 1.
+pub fn of_probability(probability: f64) -> u8 {
+    (255.0 * probability).round() as u8
+}
+
+/// The probability from which on disparities are called sure.
+pub const SURE: f64 = 0.9;
+
+/// The share of pixels whose disparities are [sure](SURE), from 0 to 1.
+pub fn sure_share(confidences: &ConfidenceMap) -> f64 {
+    let least = of_probability(SURE);
+    let sure = confidences.pixels().iter().filter(|&&confidence| confidence >= least).count();
+    sure as f64 / confidences.pixels().len() as f64
+}
+
+/// Invalidates the disparities that are less sure than `least`. What is invalid has the confidence 0.
+///
+/// # Panics
+/// If the two differ in size.
+pub fn filter_by_confidence(map: &mut DisparityMap, confidences: &mut ConfidenceMap, least: u8) {
+    assert_eq!((confidences.width(), confidences.height()), (map.width(), map.height()), "the size of the confidences");
+    for (pixel, confidence) in map.pixels_mut().iter_mut().zip(confidences.pixels_mut()) {
+        if *confidence < least {
+            *pixel = None;
+        }
+        if pixel.is_none() {
+            *confidence = 0;
+        }
+    }
+}
+
+/// The rows in which a [`ConfidenceTable`] counts the disparities that agree with those in row `v`.
+fn lattice_rows<T>(map: &Raster<T>, v: usize) -> [&[T]; 3] {
+    let below = (v + ConfidenceTable::ROWS).min(map.height() - 1);
+    [v.saturating_sub(ConfidenceTable::ROWS), v, below].map(|v| map.row(v))
+}
+
+// Evidence for a method whose costs tell little: the support of its disparities by the network.
+
+/// The least support of each step of the evidence but the first. The steps are 0.6 wide in the logarithm of the odds.
+const STEPS: [f32; 15] =
+    [0.036, 0.063, 0.109, 0.182, 0.289, 0.426, 0.574, 0.711, 0.818, 0.891, 0.937, 0.964, 0.980, 0.989, 0.994];
+
+/// The distance, in pixels, at which the support has fallen to a sixteenth.
+const REACH: f32 = 2.6;
+
+/// The support of disparities where the network is not sure at all, whatever the distance from its own.
+const UNSURE: f32 = 0.15;
+
+/// Returns the support that the disparities of `opinion`, with confidences `sure`, give those of `map`, in steps from 0 to 15.
+///
+/// # Panics
+/// If the three differ in size.
+pub(super) fn support(map: &DisparityMap, opinion: &DisparityMap, sure: &Raster<u8>, engine: &Engine) -> Raster<u8> {
+    for (width, height) in [(opinion.width(), opinion.height()), (sure.width(), sure.height())] {
+        assert_eq!((width, height), (map.width(), map.height()), "the size of the opinion");
+    }
+    let mut evidence = Raster::filled(map.width(), map.height(), 0);
+    engine.install(|| {
+        evidence.pixels_mut().par_chunks_exact_mut(map.width()).enumerate().for_each(|(v, line)| {
+            let pixels = map.row(v).iter().zip(opinion.row(v)).zip(sure.row(v));
+            for (step_of, ((own, other), &sure)) in line.iter_mut().zip(pixels) {
+                if let (Some(own), Some(other)) = (own, other) {
+                    *step_of = step((f32::from(*own) - f32::from(*other)).abs(), f32::from(sure) / 255.0);
+                }
+            }
+        });
+    });
+    evidence
+}
+
+/// The evidence for a disparity at this distance, in pixels, from that of the network, which is right with a probability of
+/// `sure`.
+fn step(distance: f32, sure: f32) -> u8 {
+    let near = 1.0 + (distance / REACH) * (distance / REACH);
+    let support = sure / (near * near * near * near) + (1.0 - sure) * UNSURE;
+    STEPS.iter().filter(|least| support >= **least).count() as u8
+}
+
+// The tables of the methods that the core does not have, as `tests/examples/confidence.rs` fits them.
 
 /// Semi-global matching by the census.
 #[rustfmt::skip]
@@ -97,3 +218,25 @@ pub const EDGE_AWARE: ConfidenceTable = ConfidenceTable([
     [ 60,  63,  78, 104, 139, 176, 208, 229, 241, 247, 250, 251, 252, 253, 254, 255],
     [ 60,  63,  78, 104, 139, 180, 213, 233, 243, 249, 250, 251, 252, 253, 254, 255],
 ]);
+
+#[cfg(test)]
+mod tests {
+    use multiscopic_core::Disparity;
+
+    use super::*;
+
+    #[test]
+    fn support_falls_with_the_distance_and_grows_with_what_is_sure() {
+        assert_eq!([0.0, 0.5, 1.0, 1.5, 2.0, 3.0].map(|distance| step(distance, 1.0)), [15, 9, 7, 5, 3, 0]);
+        assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(|sure| step(0.0, sure)), [3, 5, 7, 8, 15]);
+    }
+
+    #[test]
+    fn what_is_invalid_has_no_support() {
+        let engine = Engine::new(None, 1).expect("a pool of one thread");
+        let map = Raster::new(3, 1, vec![Disparity::whole(1), None, Disparity::whole(1)]);
+        let opinion = Raster::new(3, 1, vec![Disparity::whole(1), Disparity::whole(1), None]);
+        let evidence = support(&map, &opinion, &Raster::filled(3, 1, 255), &engine);
+        assert_eq!(evidence.pixels(), [15, 0, 0]);
+    }
+}

@@ -1,4 +1,7 @@
-//! Cross-based cost aggregation: costs are averaged over a support region of similar pixels.
+//! Aggregation: costs are averaged over a support region around each pixel, one of similar pixels.
+//!
+//! The block of [`Sad`](super::CostFunction::Sad) costs is aggregation too; the core sums it together with
+//! the cost.
 //!
 //! K. Zhang, J. Lu and G. Lafruit, "Cross-based local stereo matching using orthogonal integral images",
 //! 2009, as J. Žbontar and Y. LeCun, "Stereo matching by training a convolutional neural network to compare
@@ -7,10 +10,8 @@
 use multiscopic_core::{SearchSpace, View};
 use rayon::prelude::*;
 
-use crate::{
-    images::Raster,
-    stereo::cost::{Cost, Volume},
-};
+use super::cost::{Cost, Volume};
+use crate::images::Raster;
 
 /// The support region of a pixel: a cross of similar pixels, whose vertical arm carries the horizontal arms
 /// of its pixels.

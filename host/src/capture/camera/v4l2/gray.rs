@@ -4,9 +4,9 @@ use std::{borrow::Cow, path::Path};
 
 use image::GrayImage;
 
-use super::{error::CameraFault, frame_layout::FrameLayout};
+use super::driver::{CameraFault, FrameLayout};
 use crate::{
-    capture::camera::settings::PixelFormat,
+    capture::camera::PixelFormat,
     error::Error,
     images::{Picture, gray_of},
 };

@@ -15,10 +15,7 @@ use v4l::{
     },
 };
 
-use super::{
-    driver,
-    error::{self, CameraFault},
-};
+use super::driver::{self, CameraFault};
 
 /// Buffers to request. One is ours to read, the others are queued; some drivers need three queued before they
 /// start.
@@ -152,7 +149,7 @@ impl Drop for Stream {
         let Some(mut inner) = self.inner.take() else { return };
         // If the driver does not stop, crate `v4l` panics, and panics again as it releases the buffers, which
         // aborts the program. Leak such a stream instead.
-        let has_stopped = (0..2).any(|_| inner.stop().map_or_else(|error| error::is_gone(&error), |()| true));
+        let has_stopped = (0..2).any(|_| inner.stop().map_or_else(|error| driver::is_gone(&error), |()| true));
         if has_stopped {
             // A panic here means that the device is gone. The program goes on.
             let _ = driver::catch_panic(|| {

@@ -1,6 +1,6 @@
 //! Status reports, error codes and alarm codes of Grbl.
 
-use crate::capture::stage::gcode::coordinates::parse_coordinate;
+use crate::capture::stage::gcode::line_port::parse_coordinate;
 
 /// Returns true if this line says that Grbl has started.
 pub fn is_banner(line: &str) -> bool {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::camera_model::CameraModel;
 use crate::{
     error::{Error, Result},
-    files::toml_file,
+    files::{input, output},
 };
 
 /// The rotation of a camera against the axes of its stage, as `multiscopic calibrate mount` finds it.
@@ -43,7 +43,7 @@ impl Mount {
     /// # Errors
     /// [`Error::Read`], or [`Error::Format`] if a key is missing or unknown or a value is out of range.
     pub fn read(path: &Path) -> Result<Mount> {
-        let mount: Mount = toml_file::read(path, "a mount.toml")?;
+        let mount: Mount = input::read_toml(path, "a mount.toml")?;
         mount.check(path)?;
         Ok(mount)
     }
@@ -54,7 +54,7 @@ impl Mount {
     /// [`Error::Format`] if a value is out of range, and [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn save(&self, path: &Path) -> Result<()> {
         self.check(path)?;
-        toml_file::write(path, self)
+        output::write_toml(path, self)
     }
 
     /// Splits the mount into a turn about the optical axis, in radians, which a stage takes out by moving along turned axes,

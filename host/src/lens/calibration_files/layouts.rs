@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::yaml::{Field, Fields};
 use crate::{
     error::{Error, Result},
-    files::{output, toml_file},
+    files::{input, output},
     lens::{CameraModel, Lens, LensModel},
 };
 
@@ -192,7 +192,7 @@ pub(crate) struct CameraToml {
 }
 
 pub fn read_camera_toml(path: &Path) -> Result<CameraModel> {
-    toml_file::read::<CameraToml>(path, "a camera.toml")?.model(path)
+    input::read_toml::<CameraToml>(path, "a camera.toml")?.model(path)
 }
 
 impl CameraToml {
@@ -215,5 +215,5 @@ impl CameraToml {
 pub fn write_camera_toml(camera: &CameraModel, path: &Path) -> Result<()> {
     let CameraModel { size, focal_px, principal_point, lens } = *camera;
     let (model, coefficients) = (lens.model().name().into(), lens.coefficients().to_vec());
-    toml_file::write(path, &CameraToml { size, focal_px, principal_point, model, coefficients })
+    output::write_toml(path, &CameraToml { size, focal_px, principal_point, model, coefficients })
 }

@@ -7,9 +7,9 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
+use super::{frame_files::FrameFiles, input, output};
 use crate::{
     error::{Error, Result},
-    files::{frame_files::FrameFiles, toml_file},
     images::Geometry,
 };
 
@@ -88,7 +88,7 @@ impl Rig {
     /// message names the key.
     pub fn load(directory: &Path) -> Result<Rig> {
         let path = directory.join(Rig::FILE_NAME);
-        let rig: Rig = toml_file::read(&path, "a rig.toml")?;
+        let rig: Rig = input::read_toml(&path, "a rig.toml")?;
         rig.check(&path)?;
         Ok(rig)
     }
@@ -101,7 +101,7 @@ impl Rig {
     pub fn save(&self, directory: &Path) -> Result<()> {
         let path = directory.join(Rig::FILE_NAME);
         self.check(&path)?;
-        toml_file::write(&path, self)
+        output::write_toml(&path, self)
     }
 
     /// The geometry that turns the disparities of images of a size into depth, or `None` if the focal length or the baseline
@@ -226,8 +226,9 @@ pub struct Residual {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use multiscopic_core::{Frame, View, Views};
+
+    use super::*;
 
     const TEXT: &str = r#"
         baseline_mm = 20

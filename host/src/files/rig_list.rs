@@ -5,11 +5,8 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
-use super::rig::Rig;
-use crate::{
-    error::{Error, Result},
-    files::input,
-};
+use super::{input, rig_file::Rig};
+use crate::error::{Error, Result};
 
 /// A captured folder in a list.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use multiscopic_core::{Frame, View};
 
 use super::{
-    random::{hash, unit},
+    hash, unit,
     vec3::{Pose, Ray, Vec3},
 };
 use crate::lens::CameraModel;

@@ -1,11 +1,14 @@
 //! The objects that fill the image behind everything else.
 
-use super::{NOMINAL_WIDTH, coatings::Coatings, flaws::Dice};
+use super::{coatings::Coatings, flaws::Dice};
 use crate::scene::{
     description::{Lamp, Object},
     shape::Shape,
     vec3::{Pose, Ray, Vec3},
 };
+
+/// The width of an image in nominal pixels.
+pub const NOMINAL_WIDTH: f64 = 256.0;
 
 /// Wide enough for any image, in millimetres.
 const WIDE: f64 = 1e6;

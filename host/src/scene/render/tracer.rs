@@ -3,9 +3,9 @@
 use super::rays::Quality;
 use crate::scene::{
     description::{Finish, Object, Scene},
-    random::even_square,
+    even_square,
     shape::Shape,
-    texture::{noise::value_flat, patterns::along_and_across_strokes},
+    texture::patterns::{along_and_across_strokes, value_flat},
     vec3::{Ray, Vec3},
 };
 

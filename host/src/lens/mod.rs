@@ -7,9 +7,9 @@
 //! | file | what it holds |
 //! | --- | --- |
 //! | `distortion` | [`Lens`]: the models, from ideal to distorted coordinates and back |
-//! | `camera_model` | [`CameraModel`]: a lens with focal lengths and a principal point; [`Mount`]: its rotation against its stage |
+//! | `camera_model` | [`CameraModel`]: a lens, its focal lengths and principal point; [`Mount`]: its rotation on its stage |
 //! | `calibration_files` | the files of ROS, OpenCV and Kalibr, and `camera.toml` |
-//! | `undistortion` | [`LensFile`]: a calibration and its file; [`Undistortion`]: pictures as an ideal camera would have taken them |
+//! | `undistortion` | [`LensFile`]: a calibration and its file; [`Undistortion`]: pictures as by an ideal camera |
 
 mod calibration_files;
 mod camera_model;

@@ -1,7 +1,6 @@
 //! Cameras of Linux, through Video4Linux 2: opening them, and listing those of this machine.
 
 mod driver;
-mod gray;
 mod locked_controls;
 mod stream;
 
@@ -23,9 +22,8 @@ use v4l::{
 use super::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat};
 use crate::{capture::acquisition::BlockingCamera, error::Error, files::input};
 
-use gray::FrameMean;
 use locked_controls::LockedControls;
-use stream::{Stream, Wait, WaitError};
+use stream::{FrameMean, Stream, Wait, WaitError};
 
 pub use driver::{CameraError, CameraFault, FrameLayout};
 

@@ -3,10 +3,9 @@
 //! Sizes on the image are in *nominal* pixels, of which an image is [`NOMINAL_WIDTH`] wide: a scene is the same whatever the
 //! size of its pictures, and its disparities grow with their width.
 
-mod backdrop;
 mod coatings;
 mod flaws;
-mod foreground;
+mod objects;
 
 use image::RgbImage;
 use multiscopic_core::{Frame, Views};
@@ -20,10 +19,9 @@ use super::{
 };
 use crate::images::Raster;
 
-use backdrop::{NOMINAL_WIDTH, Viewport, backdrop, illumination};
 use coatings::Coatings;
 use flaws::Dice;
-use foreground::foreground;
+use objects::{NOMINAL_WIDTH, Viewport, backdrop, foreground, illumination};
 
 pub use coatings::Setting;
 pub use flaws::Flaws;

@@ -13,20 +13,18 @@
 //! ```
 
 mod description;
+mod geometry;
 mod made_up;
 mod pinhole_camera;
 mod render;
-mod shape;
 mod texture;
-mod vec3;
 
 pub use description::{Finish, Lamp, Object, Scene, Shot};
+pub use geometry::{Pose, Ray, Shape, Vec3};
 pub use made_up::{Flaws, RandomScene, Setting};
 pub use pinhole_camera::{PinholeCamera, PosedCamera};
 pub use render::{render, render_at, render_views, trace};
-pub use shape::Shape;
 pub use texture::{Motif, Placement, Texture};
-pub use vec3::{Pose, Ray, Vec3};
 
 // Reproducible random numbers: hashes of a place and a seed, and evenly distributed sample points.
 

@@ -3,8 +3,8 @@
 use multiscopic_core::{Frame, View};
 
 use super::{
+    geometry::{Pose, Ray, Vec3},
     hash, unit,
-    vec3::{Pose, Ray, Vec3},
 };
 use crate::lens::CameraModel;
 

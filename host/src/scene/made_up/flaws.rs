@@ -5,10 +5,10 @@ use multiscopic_core::Frame;
 use crate::{
     images::Raster,
     scene::{
+        geometry::{Pose, Vec3},
         hash,
         pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
         unit,
-        vec3::{Pose, Vec3},
     },
 };
 

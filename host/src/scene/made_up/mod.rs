@@ -12,10 +12,10 @@ use multiscopic_core::{Frame, Views};
 
 use super::{
     description::{Finish, Scene, Shot},
+    geometry::Vec3,
     hash,
     pinhole_camera::{PinholeCamera, frame_number},
     render::{Quality, Tracer, develop, light_image, pixel_hash, true_disparity},
-    vec3::Vec3,
 };
 use crate::images::Raster;
 

@@ -6,8 +6,7 @@ use super::{
 };
 use crate::scene::{
     description::{Lamp, Object},
-    shape::Shape,
-    vec3::{Pose, Ray, Vec3},
+    geometry::{Pose, Ray, Shape, Vec3},
 };
 
 /// The width of an image in nominal pixels.

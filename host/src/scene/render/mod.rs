@@ -12,9 +12,9 @@ use rayon::prelude::*;
 use self::rays::{RUN, Rays};
 use super::{
     description::{Scene, Shot},
+    geometry::{Ray, Vec3},
     hash,
     pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
-    vec3::{Ray, Vec3},
 };
 use crate::images::{FloatImage, Raster};
 

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 use crate::{
     lens::CameraModel,
     scene::{
-        even_square, gaussian, hash,
+        even_square, gaussian,
+        geometry::{Pose, Ray, Vec3},
+        hash,
         pinhole_camera::{PinholeCamera, PosedCamera},
-        vec3::{Pose, Ray, Vec3},
     },
 };
 

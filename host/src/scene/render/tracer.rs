@@ -4,9 +4,8 @@ use super::rays::Quality;
 use crate::scene::{
     description::{Finish, Object, Scene},
     even_square,
-    shape::Shape,
+    geometry::{Ray, Shape, Vec3},
     texture::patterns::{along_and_across_strokes, value_flat},
-    vec3::{Ray, Vec3},
 };
 
 /// A bounding sphere.

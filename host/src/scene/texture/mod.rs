@@ -2,7 +2,7 @@
 
 pub mod patterns;
 
-use super::vec3::Vec3;
+use super::geometry::Vec3;
 
 use patterns::{floor, fractal, fractal_flat};
 

@@ -1,6 +1,6 @@
 //! The patterns of textures that take more than a line, and the noise in them: value noise and fractal noise.
 
-use crate::scene::vec3::{Pose, Vec3};
+use crate::scene::geometry::{Pose, Vec3};
 
 /// The brightness of brushed metal at a point of a panel, around 0.5.
 pub(crate) fn streaks(p: Vec3) -> f64 {

@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     fn the_example_in_the_documentation_loads() {
-        let source = include_str!("rig.rs");
+        let source = include_str!("rig_file.rs");
         let (_, rest) = source.split_once("/// ```toml\n").unwrap();
         let (example, _) = rest.split_once("/// ```\n").unwrap();
         let rig = load(&example.replace("/// ", "").replace("///", "")).unwrap();

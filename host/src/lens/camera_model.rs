@@ -171,7 +171,7 @@ mod tests {
     fn files_are_checked() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("mount.toml");
-        let source = include_str!("mount.rs");
+        let source = include_str!("camera_model.rs");
         let (_, rest) = source.split_once("/// ```toml\n").unwrap();
         let (example, _) = rest.split_once("/// ```\n").unwrap();
         std::fs::write(&path, example.replace("/// ", "")).unwrap();

@@ -1,4 +1,4 @@
-//! Filters over windows: the median and the bilateral filter.
+//! Filters over windows: the median and the bilateral filter. Invalid pixels stay invalid and never count.
 
 use multiscopic_core::Disparity;
 use rayon::prelude::*;

@@ -5,10 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
 
-use super::{
-    CameraModel, Lens, Mount, Undistortion,
-    camera_model::{CameraModel, Mount},
-};
+use super::{CameraModel, Lens, Mount};
 use crate::{
     error::{Error, Result},
     files::Rig,

@@ -27,7 +27,7 @@ pub fn fused_cost(fusion: Fusion, costs: impl ExactSizeIterator<Item = u32>) -> 
 
 #[inline(always)]
 fn fuse_padded<const V: usize>(fusion: Fusion, costs: impl ExactSizeIterator<Item = u32>) -> u32 {
-    let mut all = [u32::NONE; V];
+    let mut all = [<u32 as MatchingCost>::NONE; V];
     assert!(costs.len() <= V, "{} views", costs.len());
     all.iter_mut().zip(costs).for_each(|(to, cost)| *to = cost);
     fusion.fuse(all)
@@ -119,7 +119,7 @@ impl CostRows for BlockRows<'_> {
     }
 
     fn row(&self, v: usize, stride: usize, row: &mut [u64]) {
-        row.fill(u64::NONE);
+        row.fill(<u64 as MatchingCost>::NONE);
         let (search, size) = (self.search, (self.search.width(), self.search.height()));
         let mut sums = vec![vec![0; search.width()]; search.views().len()];
         for (index, d) in (search.min_disparity()..=search.max_disparity()).enumerate() {
@@ -127,7 +127,7 @@ impl CostRows for BlockRows<'_> {
                 self.block_sums(view, v, d, sums);
             }
             for (u, pixel) in row.chunks_exact_mut(stride).enumerate() {
-                let mut costs = [u64::NONE; Views::MAX];
+                let mut costs = [<u64 as MatchingCost>::NONE; Views::MAX];
                 for ((cost, view), sums) in costs.iter_mut().zip(search.views().iter()).zip(&sums) {
                     if view.match_of((u, v), d, size).is_some() {
                         *cost = sums[u];

@@ -21,7 +21,6 @@
 //! | module | what it is |
 //! | --- | --- |
 //! | [`error`], [`progress`] | what every module reports: errors that name the file, and how far long work has come |
-//! | `memory_limit` | [`memory_limit()`]: the memory that may be taken, by default what the machine leaves |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
 //! | [`lens`] | lens distortion, the calibration files that describe it, and images without it |
@@ -44,7 +43,6 @@ pub mod files;
 pub mod images;
 pub mod lens;
 mod match_setup;
-mod memory_limit;
 pub mod progress {
     //! Reports of long-running work, and its interruption.
 
@@ -62,7 +60,6 @@ pub use files::Rig;
 pub use images::{DisparityMap, FloatImage, Frames, Geometry, Picture, Raster};
 pub use lens::{CameraModel, Lens, LensModel};
 pub use match_setup::MatchSetup;
-pub use memory_limit::memory_limit;
 pub use progress::Progress;
-pub use stereo::{Engine, Method, SemiGlobal, Simd, Volume, optimization::graph_cuts::GraphCuts};
+pub use stereo::{Engine, Method, SemiGlobal, Simd, Volume, memory::memory_limit, optimization::graph_cuts::GraphCuts};
 pub use target::Processor;

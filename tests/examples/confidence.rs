@@ -91,7 +91,7 @@ fn files() -> Result<[File; 2]> {
             ],
         },
         File {
-            path: "host/src/stereo/confidence_map/method_tables.rs",
+            path: "host/src/stereo/confidence_map.rs",
             subjects: vec![
                 subject("CENSUS", false, Box::new(Method::semi_global)),
                 subject("GRAPH_CUTS", true, Box::new(|_| Method::graph_cuts())),

@@ -20,8 +20,7 @@ use super::{
     adjustment::{Adjustment, Point, adjust},
     homography::{Map, Pinhole, common_rotation, common_rotation_with_deviation},
     inspection::{Inspection, suspicion},
-    pyramid::{Pyramid, RADIUS},
-    tracking::{Match, corners, find, find_again, keep_consensus},
+    tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
     view_model::{Direction, EpipolarError, ViewModel},
 };
 use crate::{

@@ -21,10 +21,7 @@ use image::{GrayImage, imageops};
 use multiscopic_core::{Frame, View};
 use rayon::prelude::*;
 
-use super::{
-    pyramid::{Level, RADIUS},
-    tracking::corners,
-};
+use super::tracking::{Level, RADIUS, corners};
 use crate::{
     error::{Error, Result, Warning},
     images::Frames,
@@ -283,8 +280,9 @@ fn range(disparities: &[f64], scale: f64) -> Option<(i16, u16)> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use image::Luma;
+
+    use super::*;
 
     /// A random pattern that is smooth over a few pixels, moved to the left.
     fn pattern(moved: f64, noise: u64) -> GrayImage {

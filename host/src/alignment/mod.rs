@@ -11,8 +11,7 @@
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | `pyramid` | an image at descending sizes |
-//! | `tracking` | corners of the centre, found in a view, and the matches that agree with each other |
+//! | `tracking` | corners of the centre, found in a view by images at descending sizes, and the matches that agree with each other |
 //! | `view_model` | the places and the rotations of views, the errors of their matches: [`EpipolarError`] |
 //! | `adjustment` | bundle adjustment |
 //! | `homography` | the common rotation, and the homographies of the frames |
@@ -25,7 +24,6 @@ mod estimate;
 mod homography;
 mod inspection;
 mod mounting;
-mod pyramid;
 mod tracking;
 mod view_model;
 

@@ -7,8 +7,7 @@ use super::{
     adjustment::adjust_moved,
     estimate::{median, points},
     homography::{Pinhole, common_rotation_with_deviation},
-    pyramid::{Pyramid, RADIUS},
-    tracking::{Match, corners, find, find_again, keep_consensus},
+    tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
     view_model::Direction,
 };
 use crate::{

@@ -6,19 +6,16 @@
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | `printed_board` | [`PrintedBoard`]: chessboards and ChArUco boards |
-//! | `board_files` | boards to print, as PDF and PNG |
+//! | `printed_board` | [`PrintedBoard`]: chessboards and ChArUco boards, and their files to print, as PDF and PNG |
 //! | `board_detection` | the corners of a board in an image, found by the crates `calib-targets` and refined to a fraction of a pixel |
 //! | `camera_fit` | the camera and the poses of the board that explain the corners best |
 //! | `lens_calibration` | [`LensCalibration`]: all of these, [`Coverage`]: the parts of the image that have corners, and what to photograph next |
 
 mod board_detection;
-mod board_files;
 mod camera_fit;
 mod lens_calibration;
 mod printed_board;
 
 pub use board_detection::{BoardCorner, BoardMiss, LEAST_CORNERS};
-pub use board_files::Paper;
 pub use lens_calibration::{BoardImage, BoardReprojection, Coverage, LEAST_IMAGES, LensCalibration, LensCalibrationError};
-pub use printed_board::{PrintedBoard, Rectangle};
+pub use printed_board::{Paper, PrintedBoard, Rectangle};

@@ -1,25 +1,25 @@
-//! Running a capture: the stage moves the camera, and the frames arrive in memory.
+//! Running a capture: the stage moves the camera, and the frames arrive in memory. A camera that blocks is polled from a thread
+//! of its own.
 
 use std::{
-    error,
-    sync::atomic::{AtomicUsize, Ordering},
+    error, panic,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+        mpsc::{self, Receiver, Sender, TryRecvError},
+    },
+    thread::{self, JoinHandle},
     time::Duration,
 };
 
 use image::GrayImage;
 use multiscopic_core::{
     Frame,
-    capture::{CaptureError, CaptureProgress, Plan, Policy, Sequence, Stage},
+    capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Sequence, Stage},
 };
 
-use super::{
-    clock::{Clock, SystemClock},
-    threaded_camera::{BlockingCamera, ThreadedCamera},
-};
-use crate::{
-    error::{Error, Result},
-    images::Frames,
-};
+use super::{Clock, SystemClock};
+use crate::{error::Error, images::Frames};
 
 /// The interval at which the stage and the camera are polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
@@ -68,7 +68,7 @@ pub fn acquire_images<S, C>(
     policy: Policy,
     interrupts: &AtomicUsize,
     observe: impl FnMut(Duration, CaptureProgress),
-) -> Result<Acquisition>
+) -> Result<Acquisition, Error>
 where
     S: Stage<Error: error::Error + Send + Sync + 'static>,
     C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
@@ -88,7 +88,7 @@ pub fn acquire_images_with_clock<S, C>(
     policy: Policy,
     interrupts: &AtomicUsize,
     mut observe: impl FnMut(Duration, CaptureProgress),
-) -> Result<Acquisition>
+) -> Result<Acquisition, Error>
 where
     S: Stage<Error: error::Error + Send + Sync + 'static>,
     C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
@@ -134,4 +134,152 @@ where
 /// The frame that the error is about. `None` if it is not about one.
 fn failed_frame<S, C>(error: &CaptureError<S, C>, plan: &Plan) -> Option<Frame> {
     plan.frames().get(error.index()?).copied()
+}
+
+/// A camera whose calls block until the picture is there.
+pub trait BlockingCamera: Sized {
+    /// The reason why there is no picture.
+    type Error: Send + 'static;
+
+    /// Takes a picture. Nothing in it was exposed before the call.
+    ///
+    /// Returns within `timeout`, and soon after `is_cancelled` is set.
+    ///
+    /// # Errors
+    /// The picture could not be taken. The next call may succeed.
+    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, Self::Error>;
+}
+
+type OpenCamera<C> = Arc<dyn Fn() -> Result<C, <C as BlockingCamera>::Error> + Send + Sync>;
+
+/// Runs a [`BlockingCamera`] in a thread, for a [`Sequence`](multiscopic_core::capture::Sequence) to poll.
+///
+/// The camera is opened when a sequence begins and closed when it ends.
+pub struct ThreadedCamera<C: BlockingCamera> {
+    open: OpenCamera<C>,
+    timeout: Duration,
+    worker: Option<Worker<C::Error>>,
+    /// Index of the frame being taken.
+    index: Option<usize>,
+    images: Vec<Option<GrayImage>>,
+}
+
+struct Worker<E> {
+    thread: JoinHandle<()>,
+    /// One message for each picture to take.
+    requests: Sender<()>,
+    pictures: Receiver<Result<GrayImage, E>>,
+    is_cancelled: Arc<AtomicBool>,
+}
+
+impl<C: BlockingCamera + 'static> ThreadedCamera<C> {
+    /// Uses the camera that `open` opens. Each picture may take as long as `timeout`.
+    pub fn new(open: impl Fn() -> Result<C, C::Error> + Send + Sync + 'static, timeout: Duration) -> ThreadedCamera<C> {
+        ThreadedCamera { open: Arc::new(open), timeout, worker: None, index: None, images: Vec::new() }
+    }
+
+    /// Removes and returns the frame with this index. `None` if the current sequence has not taken it, or it
+    /// was removed before.
+    pub fn take_image(&mut self, index: usize) -> Option<GrayImage> {
+        self.images.get_mut(index)?.take()
+    }
+}
+
+impl<C: BlockingCamera + 'static> Camera for ThreadedCamera<C> {
+    type Error = C::Error;
+
+    fn begin(&mut self) -> Result<(), C::Error> {
+        self.images.clear();
+        let (requests, requested) = mpsc::channel();
+        let (picture_sender, pictures) = mpsc::channel();
+        let (opened_sender, opened) = mpsc::channel();
+        let is_cancelled = Arc::new(AtomicBool::new(false));
+        let (open, timeout, cancelled) = (self.open.clone(), self.timeout, is_cancelled.clone());
+        let thread = thread::spawn(move || {
+            let mut camera = match open() {
+                Ok(camera) => camera,
+                Err(error) => {
+                    let _ = opened_sender.send(Err(error));
+                    return;
+                }
+            };
+            let _ = opened_sender.send(Ok(()));
+            while requested.recv().is_ok() {
+                let _ = picture_sender.send(camera.take(timeout, &cancelled));
+            }
+        });
+        let opened = opened.recv();
+        self.worker = Some(Worker { thread, requests, pictures, is_cancelled });
+        match opened {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(error)) => {
+                self.close();
+                Err(error)
+            }
+            Err(_) => self.propagate_panic(),
+        }
+    }
+
+    fn start(&mut self, index: usize) -> Result<(), C::Error> {
+        let Some(worker) = &self.worker else { return self.propagate_panic() };
+        if self.index.take().is_some() {
+            worker.is_cancelled.store(true, Ordering::Relaxed);
+            // The pending picture is too late, whether it succeeded or not.
+            let _ = worker.pictures.recv();
+        }
+        worker.is_cancelled.store(false, Ordering::Relaxed);
+        if worker.requests.send(()).is_err() {
+            return self.propagate_panic();
+        }
+        self.index = Some(index);
+        Ok(())
+    }
+
+    fn is_complete(&mut self) -> Result<bool, C::Error> {
+        let (Some(worker), Some(index)) = (&self.worker, self.index) else { return Ok(false) };
+        match worker.pictures.try_recv() {
+            Err(TryRecvError::Empty) => Ok(false),
+            Err(TryRecvError::Disconnected) => self.propagate_panic(),
+            Ok(picture) => {
+                self.index = None;
+                let image = picture?;
+                self.images.resize(self.images.len().max(index + 1), None);
+                self.images[index] = Some(image);
+                Ok(true)
+            }
+        }
+    }
+
+    fn end(&mut self) -> Result<(), C::Error> {
+        self.close();
+        Ok(())
+    }
+}
+
+impl<C: BlockingCamera> ThreadedCamera<C> {
+    /// Waits until the camera is closed.
+    fn close(&mut self) {
+        self.index = None;
+        if let Some(Worker { thread, requests, is_cancelled, .. }) = self.worker.take() {
+            is_cancelled.store(true, Ordering::Relaxed);
+            drop(requests);
+            if let Err(payload) = thread.join()
+                && !thread::panicking()
+            {
+                panic::resume_unwind(payload);
+            }
+        }
+    }
+
+    /// Resumes the worker's panic: without one, the worker lives from `begin` to `end`.
+    fn propagate_panic<T>(&mut self) -> T {
+        self.close();
+        unreachable!("a camera is only used between the beginning and the end of a sequence")
+    }
+}
+
+impl<C: BlockingCamera> Drop for ThreadedCamera<C> {
+    fn drop(&mut self) {
+        self.close();
+    }
 }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::stage::StageImperfections;
 use crate::{
     error::{Error, Result},
-    files::toml_file,
+    files::input,
     lens::{CameraModel, CameraToml},
 };
 
@@ -69,7 +69,7 @@ impl Imperfections {
     /// [`Error::Read`], or [`Error::Format`] if a key is unknown or a value is out of range. The message names the key.
     pub fn read(path: &Path) -> Result<Imperfections> {
         let ImperfectionsToml { lens, mount: MountToml { rotation_deg: mount_deg }, stage } =
-            toml_file::read(path, "the tables lens, mount and stage of a simulated rig")?;
+            input::read_toml(path, "the tables lens, mount and stage of a simulated rig")?;
         let angle = |degrees: &f64| degrees.abs() <= Self::MAX_ROTATION_DEG;
         let length = |mm: &f64| (0.0..=10.0).contains(mm);
         let angles = format!("-{0} to {0} degrees", Self::MAX_ROTATION_DEG);

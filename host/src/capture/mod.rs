@@ -14,17 +14,67 @@
 mod accuracy;
 mod acquisition;
 pub mod camera;
-mod clock;
 mod imperfections;
 #[cfg(feature = "scene")]
 mod simulated_camera;
 pub mod stage;
-mod threaded_camera;
+
+use std::{
+    fmt, thread,
+    time::{Duration, Instant},
+};
 
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
-pub use acquisition::{Acquisition, acquire_images, acquire_images_with_clock};
-pub use clock::{Clock, SystemClock};
+pub use acquisition::{Acquisition, BlockingCamera, ThreadedCamera, acquire_images, acquire_images_with_clock};
 pub use imperfections::Imperfections;
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;
-pub use threaded_camera::{BlockingCamera, ThreadedCamera};
+
+/// A source of time.
+///
+/// Stages and captures take the time from here and wait here. So tests can run them with simulated hardware in simulated time,
+/// which passes only while somebody waits, however busy the machine is.
+pub trait Clock: fmt::Debug + Send + Sync {
+    /// The current time. It never goes back.
+    fn now(&self) -> Instant;
+
+    /// Waits for `duration`.
+    fn sleep(&self, duration: Duration);
+}
+
+/// The clock of the operating system.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SystemClock;
+
+impl Clock for SystemClock {
+    fn now(&self) -> Instant {
+        Instant::now()
+    }
+
+    fn sleep(&self, duration: Duration) {
+        thread::sleep(duration);
+    }
+}
+
+/// A clock that moves only while somebody waits.
+#[cfg(test)]
+#[derive(Debug)]
+struct SteppedClock(std::sync::Mutex<Instant>);
+
+#[cfg(test)]
+impl SteppedClock {
+    fn new() -> std::sync::Arc<SteppedClock> {
+        std::sync::Arc::new(SteppedClock(Instant::now().into()))
+    }
+}
+
+#[cfg(test)]
+impl Clock for SteppedClock {
+    fn now(&self) -> Instant {
+        *self.0.lock().unwrap()
+    }
+
+    fn sleep(&self, duration: Duration) {
+        *self.0.lock().unwrap() += duration;
+    }
+}

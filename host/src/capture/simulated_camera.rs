@@ -13,9 +13,9 @@ use std::{
 use image::GrayImage;
 
 use super::{
+    acquisition::BlockingCamera,
     imperfections::Imperfections,
     stage::{SimulatedPlace, StagePose},
-    threaded_camera::BlockingCamera,
 };
 use crate::{
     images::Picture,

@@ -1,9 +1,9 @@
-//! Error metrics of disparity maps.
+//! Error metrics of disparity maps, and the quality of confidences: the errors among the surest pixels.
 
 use multiscopic_core::Disparity;
 use serde::{Deserialize, Serialize};
 
-use crate::images::{DisparityMap, FloatImage};
+use crate::images::{DisparityMap, FloatImage, Raster};
 
 /// The errors of a disparity map over all pixels whose true disparity is known.
 ///
@@ -88,6 +88,153 @@ impl PixelError {
     }
 }
 
+/// The numbers of pixels with each confidence that are right, with an error of at most one pixel, and that are wrong.
+///
+/// The pixels are those whose true disparity is known. An invalid one is wrong, and has the confidence 0. The *density* is the
+/// share of pixels that is kept, the surest first; of pixels of the same confidence, right and wrong ones are kept in
+/// proportion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sparsification {
+    /// By confidence: the pixels that are right, and those that are wrong.
+    counts: [[u64; 2]; 256],
+}
+
+/// The quality of a disparity map's confidences.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ConfidenceMetrics {
+    /// The area under the sparsification curve: the mean share of wrong pixels at densities of 5, 10, ... 100 %.
+    pub auc: f64,
+    /// The smallest possible [`auc`](ConfidenceMetrics::auc): every pixel that is wrong is less sure than every one that is
+    /// right.
+    pub auc_optimal: f64,
+    /// The area under the receiver operating characteristic: how probable it is that a pixel that is right is surer than one
+    /// that is wrong. 1 if there is none of either.
+    pub roc_auc: f64,
+    /// The expected calibration error: by how much the confidence, as a probability, differs from the share of pixels that are
+    /// right. The mean over ten bins of equal width, weighted by their pixels.
+    pub ece: f64,
+    /// The percentage of wrong pixels among the surest 90 %.
+    pub bad_1_at_90: f64,
+    /// The percentage of wrong pixels among the surest 80 %.
+    pub bad_1_at_80: f64,
+    /// The percentage of wrong pixels among the surest 70 %.
+    pub bad_1_at_70: f64,
+}
+
+impl Sparsification {
+    /// The densities of the curve.
+    pub const DENSITIES: [f64; 20] = {
+        let mut densities = [0.0; 20];
+        let mut k = 0;
+        while k < densities.len() {
+            densities[k] = 0.05 * (k + 1) as f64;
+            k += 1;
+        }
+        densities
+    };
+
+    /// The curve of `estimate` with `confidences`. There is none if no disparity of `truth` is known, which is finite.
+    ///
+    /// # Panics
+    /// If the three differ in size.
+    pub fn new(estimate: &DisparityMap, confidences: &Raster<u8>, truth: &FloatImage) -> Option<Sparsification> {
+        let size = (estimate.width(), estimate.height());
+        assert_eq!([(truth.width(), truth.height()), (confidences.width(), confidences.height())], [size; 2], "sizes");
+        let mut counts = [[0; 2]; 256];
+        for ((pixel, &confidence), &truth) in estimate.pixels().iter().zip(confidences.pixels()).zip(truth.pixels()) {
+            if truth.is_finite() {
+                let is_wrong = pixel.is_none_or(|d| (f64::from(f32::from(d)) - f64::from(truth)).abs() > 1.0);
+                let confidence = if pixel.is_some() { confidence } else { 0 };
+                counts[usize::from(confidence)][usize::from(is_wrong)] += 1;
+            }
+        }
+        Sparsification::of_counts(counts)
+    }
+
+    /// The curve of so many right and so many wrong pixels with each confidence. There is none of no pixels.
+    pub fn of_counts(counts: [[u64; 2]; 256]) -> Option<Sparsification> {
+        counts.iter().flatten().any(|&count| count > 0).then_some(Sparsification { counts })
+    }
+
+    /// The number of pixels that are right, and that are wrong.
+    fn totals(&self) -> [f64; 2] {
+        [0, 1].map(|kind| self.counts.iter().map(|count| count[kind]).sum::<u64>() as f64)
+    }
+
+    /// The share of wrong pixels at a density above 0.
+    pub fn wrong_at(&self, density: f64) -> f64 {
+        let kept = density * self.totals().iter().sum::<f64>();
+        let (mut rest, mut wrong) = (kept, 0.0);
+        for count in self.counts.iter().rev().filter(|count| **count != [0; 2]) {
+            let [right_here, wrong_here] = count.map(|count| count as f64);
+            let share = (rest / (right_here + wrong_here)).min(1.0);
+            wrong += share * wrong_here;
+            rest -= share * (right_here + wrong_here);
+        }
+        wrong / kept
+    }
+
+    /// The share of wrong pixels at a density above 0, if all that are right were surer.
+    pub fn least_wrong_at(&self, density: f64) -> f64 {
+        let [right, wrong] = self.totals();
+        let kept = density * (right + wrong);
+        (kept - right).max(0.0) / kept
+    }
+
+    /// Returns the metrics of the curve.
+    pub fn metrics(&self) -> ConfidenceMetrics {
+        let mean = |share: &dyn Fn(f64) -> f64| {
+            Self::DENSITIES.iter().map(|&density| share(density)).sum::<f64>() / Self::DENSITIES.len() as f64
+        };
+        let percent = |density| 100.0 * self.wrong_at(density);
+        ConfidenceMetrics {
+            auc: mean(&|density| self.wrong_at(density)),
+            auc_optimal: mean(&|density| self.least_wrong_at(density)),
+            roc_auc: self.roc_auc(),
+            ece: self.calibration_error(),
+            bad_1_at_90: percent(0.9),
+            bad_1_at_80: percent(0.8),
+            bad_1_at_70: percent(0.7),
+        }
+    }
+
+    fn roc_auc(&self) -> f64 {
+        let [all_right, all_wrong] = self.totals();
+        let (mut less_sure, mut ordered) = (0.0, 0.0);
+        for count in &self.counts {
+            let [right, wrong] = count.map(|count| count as f64);
+            ordered += right * (less_sure + wrong / 2.0);
+            less_sure += wrong;
+        }
+        if all_right * all_wrong > 0.0 { ordered / (all_right * all_wrong) } else { 1.0 }
+    }
+
+    fn calibration_error(&self) -> f64 {
+        let mut bins = [0.0; 10];
+        for (confidence, count) in self.counts.iter().enumerate() {
+            let ([right, wrong], probability) = (count.map(|count| count as f64), confidence as f64 / 255.0);
+            bins[(10 * confidence / 255).min(9)] += probability * (right + wrong) - right;
+        }
+        bins.iter().map(|bin: &f64| bin.abs()).sum::<f64>() / self.totals().iter().sum::<f64>()
+    }
+}
+
+impl ConfidenceMetrics {
+    /// The mean of each metric, or `None` if `all` is empty.
+    pub fn mean(all: &[ConfidenceMetrics]) -> Option<ConfidenceMetrics> {
+        let mean = |value: fn(&ConfidenceMetrics) -> f64| all.iter().map(value).sum::<f64>() / all.len() as f64;
+        (!all.is_empty()).then(|| ConfidenceMetrics {
+            auc: mean(|m| m.auc),
+            auc_optimal: mean(|m| m.auc_optimal),
+            roc_auc: mean(|m| m.roc_auc),
+            ece: mean(|m| m.ece),
+            bad_1_at_90: mean(|m| m.bad_1_at_90),
+            bad_1_at_80: mean(|m| m.bad_1_at_80),
+            bad_1_at_70: mean(|m| m.bad_1_at_70),
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,5 +279,51 @@ mod tests {
     fn the_mean_is_taken_of_each_metric() {
         let scene = |x: f64| Metrics { rms: x, avg_err: 2.0 * x, bad_0_5: 3.0 * x, bad_1: 4.0 * x, bad_2: 5.0 * x, coverage: x };
         assert_eq!(Metrics::mean(&[scene(0.25), scene(0.75)]), Some(scene(0.5)));
+    }
+
+    /// Right and wrong pixels with their confidences, and one that is invalid.
+    fn curve(right: &[u8], wrong: &[u8]) -> Sparsification {
+        let mut counts = [[0; 2]; 256];
+        right.iter().for_each(|&confidence| counts[usize::from(confidence)][0] += 1);
+        wrong.iter().for_each(|&confidence| counts[usize::from(confidence)][1] += 1);
+        Sparsification::of_counts(counts).unwrap()
+    }
+
+    #[test]
+    fn a_map_is_counted_where_the_truth_is_known() {
+        let disparity = |pixels: f32| Disparity::from_bits((pixels * 64.0) as i16);
+        let estimate = DisparityMap::new(5, 1, vec![disparity(3.0), disparity(4.0), disparity(4.5), None, disparity(1.0)]);
+        let truth = FloatImage::new(5, 1, vec![3.0, 3.0, 3.0, 0.0, f32::INFINITY]);
+        let confidences = Raster::new(5, 1, vec![200, 100, 100, 250, 7]);
+        assert_eq!(Sparsification::new(&estimate, &confidences, &truth), Some(curve(&[200, 100], &[100, 0])));
+        assert_eq!(Sparsification::new(&estimate, &confidences, &truth.map(|_| f32::NAN)), None);
+    }
+
+    #[test]
+    fn the_curve_matches_a_calculation_by_hand() {
+        // From the surest on: right, right or wrong, right or wrong, wrong.
+        let curve = curve(&[200, 100], &[100, 0]);
+        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        for (density, expected, least) in [(0.25, 0.0, 0.0), (0.5, 0.25, 0.0), (0.75, 1.0 / 3.0, 1.0 / 3.0), (1.0, 0.5, 0.5)] {
+            near(curve.wrong_at(density), expected);
+            near(curve.least_wrong_at(density), least);
+        }
+        let metrics = curve.metrics();
+        // Of the four pairs of a right and a wrong one, three are in order, and one is equally sure.
+        near(metrics.roc_auc, 3.5 / 4.0);
+        // Bins of one right at 0.784, of one of each at 0.392, and of one wrong at 0.
+        near(metrics.ece, (0.25 * (1.0 - 200.0 / 255.0)) + 0.5 * (0.5 - 100.0 / 255.0));
+        near(metrics.bad_1_at_90, 100.0 * (1.0 + 0.6) / 3.6);
+        let by_hand = |wrong: &dyn Fn(f64) -> f64| (1..=20).map(|k| wrong(f64::from(k) / 20.0)).sum::<f64>() / 20.0;
+        near(metrics.auc, by_hand(&|density| curve.wrong_at(density)));
+        near(metrics.auc_optimal, by_hand(&|density| (1.0 - 0.5 / density).max(0.0)));
+    }
+
+    #[test]
+    fn certainty_is_perfect_where_nothing_is_wrong() {
+        let metrics = curve(&[255, 255], &[]).metrics();
+        assert_eq!((metrics.auc, metrics.auc_optimal, metrics.roc_auc, metrics.ece), (0.0, 0.0, 1.0, 0.0));
+        assert!(Sparsification::of_counts([[0; 2]; 256]).is_none());
+        assert_eq!(ConfidenceMetrics::mean(&[]), None);
     }
 }

@@ -1,14 +1,20 @@
-//! Evaluation: data sets with ground truth, error metrics, planes and repeated captures.
+//! Evaluation: data sets with ground truth, error metrics, and the quality of a rig in the units of depth cameras: errors of
+//! depth, walls, and noise over repeated captures.
 
 mod dataset;
 mod dataset_scene;
-mod depth_quality;
-pub mod ground_truth;
+mod depth_errors;
 mod metrics;
-mod sparsification;
+mod wall_metrics;
 
 pub use dataset::{CameraSteps, Dataset};
 pub use dataset_scene::DatasetScene;
-pub use depth_quality::{DepthErrors, PlaneFit, TemporalNoise, WallMetrics, WallPlace};
-pub use metrics::Metrics;
-pub use sparsification::{ConfidenceMetrics, Sparsification};
+pub use depth_errors::{DepthErrors, TemporalNoise};
+pub use metrics::{ConfidenceMetrics, Metrics, Sparsification};
+pub use wall_metrics::{PlaneFit, WallMetrics, WallPlace};
+
+pub mod ground_truth {
+    //! Reading ground truth.
+
+    pub use super::dataset_scene::read_pfm;
+}

@@ -16,7 +16,7 @@ use image::{
     metadata::Orientation,
 };
 
-use super::jpeg_markers::{END_OF_IMAGE, is_bare, next_marker, segment};
+use super::jpeg_scans::codes::{END_OF_IMAGE, is_bare, next_marker, segment};
 use crate::{
     error::{Error, Result},
     files::{Limits, jpeg_scans, output},

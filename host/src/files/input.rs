@@ -6,6 +6,8 @@ use std::{
     path::Path,
 };
 
+use serde::de::DeserializeOwned;
+
 use crate::error::{Error, Result};
 
 /// The longest side of a picture in pixels. It is the core's limit too.
@@ -121,6 +123,29 @@ fn is_device(metadata: &Metadata) -> bool {
 pub fn read_text(path: &Path) -> Result<String> {
     String::from_utf8(read_at_most(path, MAX_TEXT_BYTES)?)
         .map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
+}
+
+/// The value in the TOML file `path`, which should be `expected`, such as "a rig.toml".
+pub(crate) fn read_toml<T: DeserializeOwned>(path: &Path, expected: &str) -> Result<T> {
+    let text = read_text(path)?;
+    toml::from_str(&text).map_err(|error| Error::format(path, with_line(&error, &text), expected))
+}
+
+/// The characters of a line that a message quotes.
+const MOST_QUOTED: usize = 80;
+
+/// The error's message with the line it refers to, as the message often does not name the key.
+fn with_line(error: &toml::de::Error, text: &str) -> String {
+    let Some(before) = error.span().and_then(|span| text.get(..span.start)) else {
+        return error.message().into();
+    };
+    let number = before.matches('\n').count();
+    let mut line: String = text.lines().nth(number).unwrap_or_default().trim().into();
+    if let Some((end, _)) = line.char_indices().nth(MOST_QUOTED) {
+        line.truncate(end);
+        line.push_str("...");
+    }
+    format!("line {} ({line}): {}", number + 1, error.message())
 }
 
 #[cfg(test)]

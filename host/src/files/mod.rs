@@ -5,21 +5,19 @@ mod disparity_files;
 mod frame_files;
 pub mod image_codec;
 pub mod input;
-mod jpeg_markers;
 mod jpeg_scans;
 pub(crate) mod npy;
 pub mod output;
-pub(crate) mod pfm;
 mod picture_files;
 pub mod ply;
 mod rig_file;
+mod rig_list;
 #[cfg(feature = "mcap")]
 pub mod ros;
-pub(crate) mod toml_file;
 
-pub use disparity_files::{read_prior, read_raw16, write_depth_mm, write_raw16};
+pub use disparity_files::{pfm_bytes, read_pfm, read_pfm_within, read_prior, read_raw16, write_depth_mm, write_pfm, write_raw16};
 pub use frame_files::FrameFiles;
 pub use input::Limits;
 pub use npy::{write_npy, write_npz};
-pub use pfm::{pfm_bytes, read_pfm, read_pfm_within, write_pfm};
-pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};
+pub use rig_file::{AlignmentRecord, Provenance, Residual, Rig};
+pub use rig_list::ListedRig;

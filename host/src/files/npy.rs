@@ -1,21 +1,16 @@
-//! NPY and NPZ files: arrays as numpy stores them.
+//! NPY and NPZ files: arrays as numpy stores them, of images and of what the network is trained by.
 
 use std::{
     io::{self, Write},
     path::Path,
 };
 
+use multiscopic_core::network::{CANDIDATE_CHANNELS, MEASURES};
+use multiscopic_engine::network::Inputs;
 use zip::{ZipWriter, write::SimpleFileOptions};
 
-use crate::{error::Result, files::output, images::FloatImage};
-
-/// The type of an array's numbers, the lowest byte first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Number {
-    U8,
-    U16,
-    F32,
-}
+use super::output;
+use crate::{error::Result, images::FloatImage};
 
 /// Writes a file that `numpy.load` reads as an array of `float32`, by row and column.
 ///
@@ -39,12 +34,43 @@ pub fn write_npz(image: &FloatImage, path: &Path, name: &str) -> Result<()> {
     })
 }
 
+/// Writes a folder with an array for each part of the inputs: `colors.npy`, `winners.npy`, `measures.npy` and
+/// `volume.npy`.
+///
+/// # Errors
+/// As [`output::write_folder`].
+pub fn write_inputs(inputs: &Inputs, folder: &Path) -> Result<()> {
+    let (width, height, [columns, rows]) = (inputs.colors.width(), inputs.colors.height(), inputs.blocks);
+    let winners = inputs.winners.iter().flat_map(|winners| winners.pixels()).flat_map(|d| d.to_le_bytes());
+    let winners: Vec<u8> = winners.collect();
+    // In the file, rows of a disparity follow each other; in memory, disparities of a row.
+    let count = inputs.num_disparities;
+    let candidates = (0..count).flat_map(|index| (0..rows).map(move |row| row * count + index));
+    let volume: Vec<[u8; CANDIDATE_CHANNELS]> =
+        candidates.flat_map(|line| &inputs.volume[line * columns..][..columns]).copied().collect();
+    output::write_folder(folder, |folder| {
+        let save = |name: &str, number, shape: &[usize], data: &[u8]| write(&folder.join(name), number, shape, data);
+        save("colors.npy", Number::U8, &[height, width, 3], inputs.colors.pixels().as_flattened())?;
+        save("winners.npy", Number::U16, &[2, height, width], &winners)?;
+        save("measures.npy", Number::U8, &[height, width, MEASURES], inputs.measures.pixels().as_flattened())?;
+        save("volume.npy", Number::U8, &[count, rows, columns, CANDIDATE_CHANNELS], volume.as_flattened())
+    })
+}
+
+/// The type of an array's numbers, the lowest byte first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Number {
+    U8,
+    U16,
+    F32,
+}
+
 fn little_endian(image: &FloatImage) -> Vec<u8> {
     image.pixels().iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 /// Writes an array of `shape`, the last dimension contiguous, of which `data` has the bytes.
-pub(crate) fn write(path: &Path, number: Number, shape: &[usize], data: &[u8]) -> Result<()> {
+fn write(path: &Path, number: Number, shape: &[usize], data: &[u8]) -> Result<()> {
     output::write(path, |mut file| put(&mut file, number, shape, data))
 }
 

@@ -7,22 +7,16 @@
 //! | file | what it holds |
 //! | --- | --- |
 //! | `distortion` | [`Lens`]: the models, from ideal to distorted coordinates and back |
-//! | `camera_model` | [`CameraModel`]: a lens, the focal lengths and the principal point, from pixels to directions and back |
-//! | `lens_file` | [`LensFile`]: a calibration and the file that it is from |
+//! | `camera_model` | [`CameraModel`]: a lens, its focal lengths and principal point; [`Mount`]: its rotation on its stage |
 //! | `calibration_files` | the files of ROS, OpenCV and Kalibr, and `camera.toml` |
-//! | `mount` | [`Mount`]: the rotation of a camera against its stage |
-//! | `undistortion` | [`Undistortion`]: pictures as an ideal camera, square to its stage, would have taken them |
+//! | `undistortion` | [`LensFile`]: a calibration and its file; [`Undistortion`]: pictures as by an ideal camera |
 
 mod calibration_files;
 mod camera_model;
 mod distortion;
-mod lens_file;
-mod mount;
 mod undistortion;
 
 pub(crate) use calibration_files::CameraToml;
-pub use camera_model::CameraModel;
+pub use camera_model::{CameraModel, Mount};
 pub use distortion::{Lens, LensError, LensModel};
-pub use lens_file::LensFile;
-pub use mount::Mount;
-pub use undistortion::Undistortion;
+pub use undistortion::{LensFile, Undistortion};

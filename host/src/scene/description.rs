@@ -6,9 +6,8 @@ use image::RgbImage;
 use multiscopic_core::{Frame, View, Views};
 
 use super::{
-    shape::Shape,
+    geometry::{Pose, Shape, Vec3},
     texture::{Placement, Texture},
-    vec3::{Pose, Vec3},
 };
 use crate::images::{FloatImage, Frames, Picture};
 

@@ -3,8 +3,8 @@
 use multiscopic_core::{Frame, View};
 
 use super::{
-    random::{hash, unit},
-    vec3::{Pose, Ray, Vec3},
+    geometry::{Pose, Ray, Vec3},
+    hash, unit,
 };
 use crate::lens::CameraModel;
 

@@ -27,14 +27,13 @@ mod baselines;
 pub mod confidence_map;
 pub mod cost;
 mod cost_function;
-mod memory_demand;
+pub(crate) mod memory;
 mod method;
 mod method_name;
-mod network_inputs;
 pub mod optimization;
 pub mod refinement;
-mod semi_global_method;
 
+pub use crate::files::npy::write_inputs;
 pub use multiscopic_engine::{
     Engine, EngineError, Simd, Task, network,
     sgm::{Paths, SemiGlobal},
@@ -44,7 +43,5 @@ pub use baselines::BaselineRefinement;
 pub use cost::Volume;
 pub use cost_function::{CostFunction, CostName};
 pub use method::{Method, Pipeline};
-pub use method_name::MethodName;
-pub use network_inputs::write_inputs;
+pub use method_name::{MethodName, SemiGlobalMethod};
 pub use refinement::Refinement;
-pub use semi_global_method::SemiGlobalMethod;

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, sync::LazyLock};
 use multiscopic_edge::{Matching, WholeLines};
 use serde::{Deserialize, Serialize};
 
-use super::{instruction_model::Prices, processor::Processor};
+use super::{Processor, instruction_model::Prices};
 
 /// The measurements in `measured.toml`.
 pub static MEASURED: LazyLock<FirmwareCostTable> = LazyLock::new(|| toml::from_str(TEXT).expect("`cargo xtask` wrote it"));
@@ -146,9 +146,10 @@ impl Processor {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use multiscopic_core::{Census, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
     use multiscopic_edge::profile;
+
+    use super::*;
 
     const MEASURED_RULES: [Fusion; 3] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
 

@@ -12,12 +12,62 @@
 
 pub mod instruction_model;
 mod measured;
-mod processor;
 pub mod ram;
 pub mod reception;
+
+use multiscopic_core::kernel::Isa;
+use multiscopic_edge::{Lengths, Matching, Wide};
 
 pub use multiscopic_engine::{Simulation, SimulationError, simulate};
 
 pub use measured::{FirmwareCostTable, FirmwareCosts, MEASURED};
-pub use processor::Processor;
 pub use ram::{Buffer, Ram};
+
+/// A processor, by its core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Processor {
+    /// Arm Cortex-M4, with the DSP instructions of Armv7E-M.
+    CortexM4,
+    /// Arm Cortex-M7, with the same instructions.
+    CortexM7,
+    /// Arm Cortex-M33, with the DSP extension of Armv8-M.
+    CortexM33,
+    /// Arm Cortex-M55, with the vector extension (MVE) of Armv8.1-M.
+    CortexM55,
+}
+
+impl Processor {
+    /// All processors.
+    pub const ALL: [Processor; 4] = [Processor::CortexM4, Processor::CortexM7, Processor::CortexM33, Processor::CortexM55];
+
+    /// The name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Processor::CortexM4 => "cortex-m4",
+            Processor::CortexM7 => "cortex-m7",
+            Processor::CortexM33 => "cortex-m33",
+            Processor::CortexM55 => "cortex-m55",
+        }
+    }
+
+    /// Clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, RP2350, or Arm's MPS3
+    /// image AN547.
+    pub fn clock_mhz(self) -> f64 {
+        match self {
+            Processor::CortexM4 => 64.0,
+            Processor::CortexM7 => 480.0,
+            Processor::CortexM33 => 150.0,
+            Processor::CortexM55 => 32.0,
+        }
+    }
+
+    /// Lanes of its kernel. The number of disparities is rounded up to a multiple of it.
+    pub(crate) fn lanes(self) -> usize {
+        Wide::LANES
+    }
+
+    /// The lengths of its workspace.
+    pub fn lengths(self, matching: &Matching) -> Lengths {
+        matching.lengths::<Wide>()
+    }
+}

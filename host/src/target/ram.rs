@@ -3,7 +3,7 @@
 use multiscopic_core::BlockMatchingParams;
 use multiscopic_edge::{Lengths, Matching};
 
-use super::processor::Processor;
+use super::Processor;
 
 /// The RAM that the firmware takes for a match, without the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,9 +92,10 @@ pub fn widest_tile(params: &BlockMatchingParams, processor: Processor, limit: us
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use multiscopic_core::Fusion;
     use multiscopic_edge::{Wide, profile};
+
+    use super::*;
 
     #[test]
     fn buffers_add_up_to_the_total() {

@@ -19,14 +19,198 @@
 //! # Ok::<(), multiscopic::capture::camera::CameraError>(())
 //! ```
 
-mod settings;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
 mod unsupported;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod v4l2;
 
-pub use settings::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat};
+use std::{num::NonZeroU16, path::PathBuf};
+
+use serde::Serialize;
+
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
 pub use unsupported::{CameraError, V4l2Camera, list};
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub use v4l2::{CameraError, CameraFault, FrameLayout, V4l2Camera, list};
+
+/// The encoding of a camera's pixels.
+///
+/// They are converted to 8-bit grey. Luma is not rescaled: it usually ranges from 0 to 255 in the grey
+/// formats and in JPEG, and from 16 to 235 in YUYV and NV12.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub enum PixelFormat {
+    /// 8-bit grey.
+    Grey,
+    /// A plane of 8-bit luma, then one of chroma, which is ignored.
+    Nv12,
+    /// 8-bit luma and chroma, alternating; chroma is ignored.
+    Yuyv,
+    /// 10-bit grey in little-endian words; the low 2 bits are dropped.
+    Y10,
+    /// 12-bit grey in little-endian words; the low 4 bits are dropped.
+    Y12,
+    /// 16-bit grey in little-endian words; the low 8 bits are dropped.
+    Y16,
+    /// 8-bit red, green and blue, converted to grey like picture files.
+    Rgb3,
+    /// One JPEG image per frame, converted to grey like JPEG files.
+    Mjpg,
+}
+
+impl PixelFormat {
+    /// All formats, in order of preference: uncompressed before compressed, luma before RGB, few bytes before
+    /// many.
+    pub const ALL: [PixelFormat; 8] = {
+        use PixelFormat::*;
+        [Grey, Nv12, Yuyv, Y10, Y12, Y16, Rgb3, Mjpg]
+    };
+
+    /// Its four-character code in V4L2.
+    pub fn fourcc(self) -> [u8; 4] {
+        match self {
+            PixelFormat::Grey => *b"GREY",
+            PixelFormat::Nv12 => *b"NV12",
+            PixelFormat::Yuyv => *b"YUYV",
+            PixelFormat::Y10 => *b"Y10 ",
+            PixelFormat::Y12 => *b"Y12 ",
+            PixelFormat::Y16 => *b"Y16 ",
+            PixelFormat::Rgb3 => *b"RGB3",
+            PixelFormat::Mjpg => *b"MJPG",
+        }
+    }
+
+    /// Its name: the four-character code without padding.
+    pub fn name(self) -> &'static str {
+        match self {
+            PixelFormat::Grey => "GREY",
+            PixelFormat::Nv12 => "NV12",
+            PixelFormat::Yuyv => "YUYV",
+            PixelFormat::Y10 => "Y10",
+            PixelFormat::Y12 => "Y12",
+            PixelFormat::Y16 => "Y16",
+            PixelFormat::Rgb3 => "RGB3",
+            PixelFormat::Mjpg => "MJPG",
+        }
+    }
+
+    /// The format with this name, in any case. `None` if there is none.
+    pub fn named(name: &str) -> Option<PixelFormat> {
+        Self::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name))
+    }
+
+    /// The format with this four-character code.
+    pub fn of_fourcc(fourcc: [u8; 4]) -> Option<PixelFormat> {
+        Self::ALL.into_iter().find(|format| format.fourcc() == fourcc)
+    }
+
+    /// All names, for messages.
+    pub fn names() -> String {
+        Self::ALL.map(PixelFormat::name).join(", ")
+    }
+}
+
+/// The settings of a camera and of taking its pictures.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CameraSettings {
+    /// Pixel format. `None`: the first of [`PixelFormat::ALL`] that the camera has.
+    pub format: Option<PixelFormat>,
+    /// Width and height in pixels. `None`: the camera's current size.
+    pub size: Option<[u32; 2]>,
+    /// Frames to discard after the camera starts, and again after its controls were locked: its automatic
+    /// controls need a few frames to settle, and some drivers deliver a stale frame first.
+    pub warm_up: u16,
+    /// Frames averaged into one picture.
+    pub average: NonZeroU16,
+    /// True to freeze exposure, gain, focus and white balance after the warm-up, so that pictures can be
+    /// compared.
+    pub lock: bool,
+    /// Exposure time in units of 100 µs. `None`: what the camera chose.
+    pub exposure: Option<i32>,
+    /// Gain in the camera's units. `None`: what the camera chose.
+    pub gain: Option<i32>,
+    /// Focus distance in the camera's units. `None`: what the camera chose.
+    pub focus: Option<i32>,
+    /// Colour temperature in kelvins. `None`: what the camera chose.
+    pub white_balance: Option<i32>,
+}
+
+impl Default for CameraSettings {
+    fn default() -> CameraSettings {
+        CameraSettings {
+            format: None,
+            size: None,
+            warm_up: 8,
+            average: NonZeroU16::MIN,
+            lock: true,
+            exposure: None,
+            gain: None,
+            focus: None,
+            white_balance: None,
+        }
+    }
+}
+
+/// A camera, with its formats and sizes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CameraInfo {
+    /// Its device file.
+    pub device: PathBuf,
+    /// Its name; empty if it cannot be opened.
+    pub card: String,
+    /// Its driver; empty if it cannot be opened.
+    pub driver: String,
+    /// The bus and port that it is connected to; empty if it cannot be opened.
+    pub bus: String,
+    /// The reason why it cannot be used.
+    pub problem: Option<String>,
+    /// The formats that it has.
+    pub formats: Vec<FormatInfo>,
+}
+
+/// A pixel format of a camera.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FormatInfo {
+    /// Its four-character code, without padding.
+    pub format: String,
+    /// The driver's description.
+    pub description: String,
+    /// True if it is a [`PixelFormat`].
+    pub is_supported: bool,
+    /// The frame sizes that it comes in.
+    pub sizes: Vec<FrameSizes>,
+}
+
+/// Frame sizes: width and height in pixels.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(untagged)]
+pub enum FrameSizes {
+    /// A single size.
+    One([u32; 2]),
+    /// A range of sizes.
+    Range {
+        /// The smallest size.
+        min: [u32; 2],
+        /// The largest size.
+        max: [u32; 2],
+        /// The increments from the smallest size.
+        step: [u32; 2],
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_four_character_codes_without_padding() {
+        for format in PixelFormat::ALL {
+            let fourcc = format.fourcc();
+            assert_eq!(str::from_utf8(&fourcc).unwrap().trim_end(), format.name());
+            assert_eq!(PixelFormat::named(&format.name().to_lowercase()), Some(format));
+            assert_eq!(PixelFormat::of_fourcc(fourcc), Some(format));
+            assert_eq!(serde_json::to_value(format).unwrap(), format.name());
+        }
+        assert_eq!((PixelFormat::named("BA81"), PixelFormat::of_fourcc(*b"Y10B")), (None, None));
+    }
+}

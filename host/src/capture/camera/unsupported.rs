@@ -4,9 +4,9 @@ use std::{convert::Infallible, fmt, path::Path, sync::atomic::AtomicBool, time::
 
 use image::GrayImage;
 
-use super::settings::{CameraInfo, CameraSettings};
+use super::{CameraInfo, CameraSettings};
 use crate::{
-    capture::threaded_camera::BlockingCamera,
+    capture::acquisition::BlockingCamera,
     error::{Error, Result},
 };
 

@@ -78,13 +78,13 @@ impl Stage for AnyStage {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
     use crate::capture::{
-        Clock,
-        clock::SteppedClock,
+        Clock, SteppedClock,
         stage::{Limits, SimulatedStage, StageImperfections},
     };
-    use std::time::Duration;
 
     #[test]
     fn positions_are_turned_there_and_back() {

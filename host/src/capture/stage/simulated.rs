@@ -10,7 +10,7 @@ use multiscopic_core::capture::{Position, Stage};
 use serde::Deserialize;
 
 use super::{error::StageError, limits::Limits};
-use crate::capture::clock::{Clock, SystemClock};
+use crate::capture::{Clock, SystemClock};
 
 /// A stage without hardware, which takes the time that a real one would, and makes the errors that it is told to.
 #[derive(Debug)]
@@ -209,7 +209,7 @@ impl Stage for SimulatedStage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::clock::SteppedClock;
+    use crate::capture::SteppedClock;
 
     #[test]
     fn takes_its_time_and_stops() {

@@ -4,16 +4,11 @@
 //! codes that follow, which then end too early or too late. What it leaves in step, such as a changed bit of a coefficient,
 //! cannot be told.
 
-mod bit_reader;
-mod block_reader;
+pub(super) mod codes;
 
 use std::ops::RangeInclusive;
 
-use bit_reader::HuffmanTable;
-use bit_reader::{BitReader, Fault};
-use block_reader::BlockReader;
-
-use super::jpeg_markers::{END_OF_IMAGE, START_OF_SCAN, is_bare, next_marker, segment};
+use codes::{BitReader, BlockReader, END_OF_IMAGE, Fault, HuffmanTable, START_OF_SCAN, is_bare, next_marker, segment};
 
 const BLOCK_SIDE: usize = 8;
 

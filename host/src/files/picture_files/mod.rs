@@ -7,7 +7,11 @@ use rayon::prelude::*;
 
 use crate::{
     error::{Error, Result},
-    files::{Limits, image_codec, pfm},
+    files::{
+        Limits,
+        disparity_files::{decode_pfm, is_pfm},
+        image_codec,
+    },
     images::{BitDepth, FloatImage, Picture},
 };
 
@@ -44,7 +48,7 @@ impl Picture {
     pub fn brightest(paths: &[&Path], limits: Limits) -> Result<Option<u16>> {
         let brightest = |path: &&Path| {
             let bytes = limits.read(path)?;
-            if pfm::is_pfm(&bytes) || !image_codec::is_depth_unknown(path, &bytes, limits)? {
+            if is_pfm(&bytes) || !image_codec::is_depth_unknown(path, &bytes, limits)? {
                 return Ok(None);
             }
             Ok(Some(brightest_of(&without_alpha(image_codec::decode(path, &bytes, limits)?))))
@@ -75,8 +79,8 @@ impl Picture {
 }
 
 fn decode(path: &Path, bytes: &[u8], depth: Option<BitDepth>, limits: Limits) -> Result<Picture> {
-    if pfm::is_pfm(bytes) {
-        return from_float(path, &pfm::decode(path, bytes, limits)?);
+    if is_pfm(bytes) {
+        return from_float(path, &decode_pfm(path, bytes, limits)?);
     }
     let mut picture = without_alpha(image_codec::decode(path, bytes, limits)?);
     if image_codec::is_depth_unknown(path, bytes, limits)? {

@@ -1,29 +1,29 @@
 //! Recordings for ROS 2: MCAP files, which `ros2 bag`, Foxglove and others read. Nothing of ROS is needed to write them.
 //!
-//! | module | what it is |
-//! | --- | --- |
-//! | `messages` | the messages, the fields of each type of them, and their encoding |
-//! | `rerun_file` | files for Rerun, made of recordings |
+//! Files for Rerun are made of recordings by its own program, so that they have the format of the installed version.
+//!
+//! The module `messages` has the messages, the fields of each type of them, and their encoding.
 
 mod messages;
-mod rerun_file;
 
 use std::{
     collections::BTreeMap,
+    fs::File,
     io::{self, Write},
     path::Path,
+    process::{Command, Stdio},
     time::Duration,
 };
 
 use mcap::{WriteOptions, records::MessageHeader, write::NoSeek};
-use messages::{Definition, Stamp};
-pub use rerun_file::check_rerun;
 
+use super::{output, ply};
 use crate::{
-    error::Result,
-    files::{output, ply},
+    error::{Error, Result},
     images::{DisparityMap, Geometry, Picture, Raster},
 };
+
+use messages::{Definition, Stamp};
 
 /// The findings of a scene, for ROS 2.
 ///
@@ -147,4 +147,50 @@ impl<W: Write> RosStream<W> {
     pub fn finish(mut self) -> io::Result<()> {
         self.writer.finish().map(drop).map_err(io::Error::other)
     }
+}
+
+/// Rerun's program.
+const PROGRAM: &str = "rerun";
+
+impl RosRecording<'_> {
+    /// Writes a file for Rerun with one message on each topic, all from a `time` since 1970.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the centre and the disparities differ in size, and [`Error::Write`], also if Rerun
+    /// is not installed or fails. Any previous version of the file is unchanged.
+    ///
+    /// # Panics
+    /// If the confidences and the disparities differ in size.
+    pub fn write_rerun(&self, path: &Path, time: Duration) -> Result<()> {
+        self.check()?;
+        output::write(path, |file| {
+            let folder = tempfile::tempdir()?;
+            let [recording, converted] = ["recording.mcap", "recording.rrd"].map(|name| folder.path().join(name));
+            let mut stream = RosStream::new(File::create(&recording)?)?;
+            stream.send(self, time)?;
+            stream.finish()?;
+            let convert = ["mcap", "convert", "--application-id", "multiscopic", "-o"];
+            run(Command::new(PROGRAM).args(convert).arg(&converted).arg(&recording))?;
+            io::copy(&mut File::open(&converted)?, file).map(drop)
+        })
+    }
+}
+
+/// Checks that Rerun is installed.
+///
+/// # Errors
+/// [`Error::Usage`] if its program cannot be run.
+pub fn check_rerun() -> Result<()> {
+    run(Command::new(PROGRAM).arg("--version")).map_err(|error| Error::Usage(error.to_string()))
+}
+
+/// Runs Rerun's program. What it says is shown if it fails.
+fn run(command: &mut Command) -> io::Result<()> {
+    let missing = |error| io::Error::other(format!("`{PROGRAM}` cannot be run, which `pip install rerun-sdk` brings: {error}"));
+    let output = command.stdin(Stdio::null()).output().map_err(missing)?;
+    if output.status.success() {
+        return Ok(());
+    }
+    io::stderr().write_all(&output.stderr)?;
+    Err(io::Error::other(format!("`{PROGRAM}` failed ({})", output.status)))
 }

@@ -3,9 +3,8 @@
 use super::flaws::Dice;
 use crate::scene::{
     description::{Finish, Object},
-    shape::Shape,
+    geometry::{Pose, Shape, Vec3},
     texture::{Motif, Placement, Texture},
-    vec3::{Pose, Vec3},
 };
 
 /// The place where a random scene is captured, and the camera.

@@ -5,9 +5,10 @@ use multiscopic_core::Frame;
 use crate::{
     images::Raster,
     scene::{
+        geometry::{Pose, Vec3},
+        hash,
         pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
-        random::{hash, unit},
-        vec3::{Pose, Vec3},
+        unit,
     },
 };
 
@@ -144,8 +145,9 @@ impl Dice {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use multiscopic_core::View;
+
+    use super::*;
 
     const RIGHT: Frame = Frame::View(View::RIGHT);
 

@@ -10,17 +10,18 @@ use multiscopic_core::{Frame, Views};
 use rayon::prelude::*;
 
 use self::rays::{RUN, Rays};
+use super::{
+    description::{Scene, Shot},
+    geometry::{Ray, Vec3},
+    hash,
+    pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
+};
+use crate::images::{FloatImage, Raster};
+
 pub use self::{
     rays::{Quality, develop},
     tracer::Tracer,
 };
-use super::{
-    description::{Scene, Shot},
-    pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
-    random::hash,
-    vec3::{Ray, Vec3},
-};
-use crate::images::{FloatImage, Raster};
 
 /// Renders the centre and the four neighbours of a scene. The seed decides the sensor's noise and where
 /// exactly the stage stops.

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 use crate::{
     lens::CameraModel,
     scene::{
+        even_square, gaussian,
+        geometry::{Pose, Ray, Vec3},
+        hash,
         pinhole_camera::{PinholeCamera, PosedCamera},
-        random::{self, even_square},
-        vec3::{Pose, Ray, Vec3},
     },
 };
 
@@ -136,7 +137,7 @@ pub fn develop(camera: &PinholeCamera, light: Vec3, place: u64) -> [u8; 3] {
         channel += 1;
         let read = camera.read_noise / camera.full_well;
         let deviation = (light / camera.full_well + read * read).sqrt();
-        let signal = light + deviation * random::gaussian(random::hash(place ^ (channel << 56)));
+        let signal = light + deviation * gaussian(hash(place ^ (channel << 56)));
         (tone(signal.max(0.0)) * 255.0 + 0.5) as u8
     })
 }

@@ -3,10 +3,9 @@
 use super::rays::Quality;
 use crate::scene::{
     description::{Finish, Object, Scene},
-    random::even_square,
-    shape::Shape,
-    texture::{noise::value_flat, patterns::along_and_across_strokes},
-    vec3::{Ray, Vec3},
+    even_square,
+    geometry::{Ray, Shape, Vec3},
+    texture::patterns::{along_and_across_strokes, value_flat},
 };
 
 /// A bounding sphere.

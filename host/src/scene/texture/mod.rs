@@ -1,11 +1,12 @@
 //! Procedural textures: the colour of a surface at each point.
 
-pub mod noise;
 pub mod patterns;
 
-use self::noise::{floor, fractal, fractal_flat};
+use super::geometry::Vec3;
+
+use patterns::{floor, fractal, fractal_flat};
+
 pub use self::patterns::{Motif, Placement};
-use super::vec3::Vec3;
 
 /// A colour for every point of an object. Points are in the object's own coordinates, in millimetres; colours
 /// are linear.

@@ -1,27 +1,161 @@
-//! Refinement: checks and filters of the selected disparities.
+//! Refinement: checks and filters of the selected disparities, and the order in which a method applies them.
 
 mod background;
-mod bilateral;
-mod left_right;
+mod checks;
 mod line_solver;
 mod lucas_kanade;
-mod median;
-mod refinements;
 mod smoother;
-mod speckles;
-mod texture_threshold;
-mod uniqueness;
-mod window;
+mod windows;
 
-pub(in crate::stereo) use background::fill_lines;
+use std::ops::RangeInclusive;
+
+use multiscopic_core::{Frame, SearchSpace, Views};
+
+use super::{
+    confidence_map::{self, ConfidenceMap},
+    cost::{Cost, Volume},
+};
+use crate::{
+    error::Result,
+    images::{DisparityMap, Frames},
+};
 
 pub use background::BackgroundFill;
-pub use bilateral::Bilateral;
-pub use left_right::{check_left_right, view_disparities};
+pub(in crate::stereo) use background::fill_lines;
+pub use checks::{Speckles, TextureThreshold, check_left_right, keep_unique, view_disparities};
 pub use lucas_kanade::LucasKanade;
-pub use median::Median;
-pub use refinements::Refinement;
 pub use smoother::Smoother;
-pub use speckles::Speckles;
-pub use texture_threshold::TextureThreshold;
-pub use uniqueness::keep_unique;
+pub use windows::{Bilateral, Median};
+
+/// The refinements of a method's disparities, applied in the order of the fields; by default none.
+///
+/// Set the fields you need, take the others from [`NONE`](Refinement::NONE), and pass the refinement to
+/// [`Method::with_refinement`](crate::stereo::Method::with_refinement): the method then applies it. To refine a map of your own,
+/// call [`check`](Refinement::check), [`filter`](Refinement::filter), [`refine_sub_pixels`](Refinement::refine_sub_pixels) and
+/// [`by_confidence`](Refinement::by_confidence), in this order.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Refinement {
+    /// The [uniqueness](keep_unique) ratio in percent.
+    pub uniqueness: Option<u8>,
+    /// The tolerance of the [left-right check](check_left_right) in pixels.
+    pub left_right: Option<u16>,
+    /// The threshold of texture below which disparities are dropped.
+    pub texture: Option<TextureThreshold>,
+    /// A median filter.
+    pub median: Option<Median>,
+    /// A bilateral filter.
+    pub bilateral: Option<Bilateral>,
+    /// A filter that invalidates small patches.
+    pub speckles: Option<Speckles>,
+    /// A sub-pixel step by the gradients of all views, those at longer baselines included.
+    pub sub_pixel: Option<LucasKanade>,
+    /// The [repair](Smoother::repair) of disparities that are more probably wrong than right, by the sure ones around them.
+    pub repair: Option<Smoother>,
+    /// The least [confidence](crate::stereo::confidence_map) of disparities that are kept after the filters above.
+    pub min_confidence: Option<u8>,
+    /// The smoother that makes a dense map from the sure disparities.
+    pub smoother: Option<Smoother>,
+    /// A filter that fills holes from the background.
+    pub fill: Option<BackgroundFill>,
+}
+
+impl Refinement {
+    /// No refinement.
+    pub const NONE: Refinement = Refinement {
+        uniqueness: None,
+        left_right: None,
+        texture: None,
+        median: None,
+        bilateral: None,
+        speckles: None,
+        sub_pixel: None,
+        repair: None,
+        min_confidence: None,
+        smoother: None,
+        fill: None,
+    };
+
+    /// Returns true if [`check`](Refinement::check) needs the costs that the disparities were selected by.
+    pub fn needs_costs(&self) -> bool {
+        self.uniqueness.is_some() || self.left_right.is_some()
+    }
+
+    /// Returns true if [`by_confidence`](Refinement::by_confidence) does anything.
+    pub fn needs_confidences(&self) -> bool {
+        self.repair.is_some() || self.min_confidence.is_some() || self.smoother.is_some() || self.fill.is_some()
+    }
+
+    /// Returns true if the centre's colours matter.
+    pub fn needs_color(&self) -> bool {
+        self.repair.is_some() || self.smoother.is_some()
+    }
+
+    /// Applies the checks by the costs that the disparities were selected by, on the threads of the current pool.
+    pub fn check<C: Cost>(&self, search: &SearchSpace, costs: &Volume<C>, map: &mut DisparityMap) {
+        if let Some(percent) = self.uniqueness {
+            keep_unique(costs, search, map, percent);
+        }
+        if let Some(tolerance) = self.left_right {
+            check_left_right(costs, search, map, tolerance);
+        }
+    }
+
+    /// Applies the refinements that depend on the confidences of the filtered disparities, on the threads of the current pool.
+    /// The edges are those of the centre of `frames`.
+    ///
+    /// # Errors
+    /// If the parameters of a smoother are out of range.
+    pub fn by_confidence(
+        &self,
+        mut map: DisparityMap,
+        mut confidences: ConfidenceMap,
+        frames: &Frames,
+    ) -> Result<(DisparityMap, ConfidenceMap)> {
+        let guide = || frames.picture(Frame::Center).expect("a centre");
+        if let Some(smoother) = self.repair {
+            (map, confidences) = smoother.repair(&map, &confidences, &guide())?;
+        }
+        if let Some(least) = self.min_confidence {
+            confidence_map::filter_by_confidence(&mut map, &mut confidences, least);
+        }
+        if let Some(smoother) = self.smoother {
+            (map, confidences) = smoother.apply(&map, &confidences, &guide())?;
+        }
+        if let Some(fill) = self.fill {
+            (map, confidences) = fill.apply(&map, &confidences);
+        }
+        Ok((map, confidences))
+    }
+
+    /// Applies the filters, on the threads of the current pool. The disparities are those of the centre of `frames`, by `views`.
+    pub fn filter(&self, mut map: DisparityMap, frames: &Frames, views: Views) -> DisparityMap {
+        if let Some(texture) = self.texture {
+            texture.apply(&mut map, frames.get(Frame::Center).expect("a centre"), views);
+        }
+        if let Some(median) = self.median {
+            map = median.apply(&map);
+        }
+        if let Some(bilateral) = self.bilateral {
+            map = bilateral.apply(&map);
+        }
+        if let Some(speckles) = self.speckles {
+            speckles.apply(&mut map);
+        }
+        map
+    }
+
+    /// Applies the sub-pixel step by `views` of `frames`, on the threads of the current pool. Disparities stay in
+    /// `range`, in pixels.
+    pub fn refine_sub_pixels(
+        &self,
+        map: DisparityMap,
+        frames: &Frames,
+        views: Views,
+        range: RangeInclusive<i16>,
+    ) -> DisparityMap {
+        match self.sub_pixel {
+            Some(step) => step.apply(&map, frames, views, range),
+            None => map,
+        }
+    }
+}

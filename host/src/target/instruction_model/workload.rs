@@ -1,11 +1,11 @@
-//! The work of a match, counted.
+//! The work of a match, counted, and the units that it consists of.
 
 use std::ops::Range;
 
 use multiscopic_core::{BlockMatchingParams, SearchSpace, View, kernel::Rule};
 use multiscopic_edge::Matching;
+use serde::{Deserialize, Serialize};
 
-use super::work_units::{CandidateUnits, WorkUnits};
 use crate::target::Processor;
 
 /// The work of a match.
@@ -140,20 +140,20 @@ pub fn kernel_name(params: &BlockMatchingParams, processor: Processor) -> String
 
 /// The numbers of pixels by the way in which they are fused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct PixelCounts {
+struct PixelCounts {
     /// All views are available at all disparities.
-    pub(super) complete: usize,
+    complete: usize,
     /// Some views are unavailable, and are masked.
-    pub(super) masked: usize,
+    masked: usize,
     /// Some views are unavailable, and costs are fused by segments.
-    pub(super) segmented: usize,
+    segmented: usize,
     /// The segments of the segmented pixels.
-    pub(super) segments: usize,
+    segments: usize,
 }
 
 impl PixelCounts {
     /// Counts the pixels of a match from disparity `first` on, with a kernel that masks sums, or fuses them by segments.
-    pub(super) fn new(params: &BlockMatchingParams, first: i16, masks_sums: bool) -> PixelCounts {
+    fn new(params: &BlockMatchingParams, first: i16, masks_sums: bool) -> PixelCounts {
         let places = params.views().places();
         let rule = Rule::new(params.fusion(), places);
         let all = 0..params.num_disparities() as u16;
@@ -184,11 +184,121 @@ fn available(params: &BlockMatchingParams, first: i16, view: View, u: usize, v: 
     view.available((u, v), (params.width(), params.height()), first, params.num_disparities())
 }
 
+/// The number of times that each unit of work is done; or its price, in instructions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorkUnits {
+    /// Disparity lines, one for each line of each tile.
+    pub line: f64,
+    /// Columns that the block advances by: in each line, those of the tile and of the block's radius on both
+    /// sides.
+    pub column: f64,
+    /// The same for each view: samples are read, and running sums updated.
+    pub column_view: f64,
+    /// Pixels of block matching.
+    pub pixel: f64,
+    /// Pixels of semi-global matching.
+    pub path_pixel: f64,
+    /// Candidates of semi-global matching, through which paths lead. Their number is rounded up to whole
+    /// vectors.
+    pub path: f64,
+    /// The same where there are four vectors, for which kernels have separate loops.
+    pub path_unrolled: f64,
+    /// Pixels at which some view is unavailable at some disparity.
+    pub border_pixel: f64,
+    /// Segments in pixels that are fused by segments: runs of disparities at which the same views are
+    /// available.
+    pub segment: f64,
+    /// Candidates in columns that fill the first blocks of a tile, for each view.
+    pub primed: f64,
+    /// Pixels of block matching around a prior.
+    pub prior: f64,
+    /// Packets.
+    pub packet: f64,
+    /// Pixels in packets.
+    pub sent: f64,
+}
+
+impl WorkUnits {
+    /// The names of the units, in the order of the fields.
+    pub const NAMES: [&str; 13] = [
+        "line",
+        "column",
+        "column_view",
+        "pixel",
+        "path_pixel",
+        "path",
+        "path_unrolled",
+        "border_pixel",
+        "segment",
+        "primed",
+        "prior",
+        "packet",
+        "sent",
+    ];
+
+    /// The numbers, in the order of the fields.
+    pub fn to_array(&self) -> [f64; Self::NAMES.len()] {
+        let WorkUnits { line, column, column_view, pixel, path_pixel, path, path_unrolled, .. } = *self;
+        let WorkUnits { border_pixel, segment, primed, prior, .. } = *self;
+        let WorkUnits { packet, sent, .. } = *self;
+        [line, column, column_view, pixel, path_pixel, path, path_unrolled, border_pixel, segment, primed, prior, packet, sent]
+    }
+
+    /// Takes numbers in the order of the fields.
+    pub fn from_array(numbers: [f64; Self::NAMES.len()]) -> WorkUnits {
+        let [line, column, column_view, pixel, path_pixel, path, path_unrolled, rest @ ..] = numbers;
+        let [border_pixel, segment, primed, prior, packet, sent] = rest;
+        WorkUnits {
+            line,
+            column,
+            column_view,
+            pixel,
+            path_pixel,
+            path,
+            path_unrolled,
+            border_pixel,
+            segment,
+            primed,
+            prior,
+            packet,
+            sent,
+        }
+    }
+}
+
+/// The number of candidates that each loop processes; or the price of one, in instructions. A candidate is a disparity
+/// of a column or pixel; their number is rounded up to whole vectors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CandidateUnits {
+    /// In columns that the block advances by.
+    pub moved: f64,
+    /// In pixels at which all views are available at all disparities.
+    pub fused: f64,
+    /// In pixels at which unavailable views are masked.
+    pub masked: f64,
+    /// In pixels that are fused by segments.
+    pub segmented: f64,
+}
+
+impl CandidateUnits {
+    /// The numbers, in the order of the fields.
+    pub fn to_array(&self) -> [f64; 4] {
+        [self.moved, self.fused, self.masked, self.segmented]
+    }
+
+    /// Takes numbers in the order of the fields.
+    pub fn from_array([moved, fused, masked, segmented]: [f64; 4]) -> CandidateUnits {
+        CandidateUnits { moved, fused, masked, segmented }
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use multiscopic_core::{Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
+
     use super::*;
-    use multiscopic_core::SearchConfig;
-    use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams, View, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> BlockMatchingParams {
         SearchConfig { width: 20, height: 17, views, fusion, min_disparity, num_disparities }.block_matching(block_size).unwrap()
@@ -303,5 +413,17 @@ mod tests {
         }
         let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3), 1, true);
         assert!(heuristic.masked > 0 && heuristic.segmented > 0, "{heuristic:?}");
+    }
+
+    #[test]
+    fn names_and_arrays_follow_the_fields() {
+        let numbers: [f64; WorkUnits::NAMES.len()] = std::array::from_fn(|i| i as f64);
+        let units = WorkUnits::from_array(numbers);
+        assert_eq!(units.to_array(), numbers);
+        let fields = serde_json::to_value(units).unwrap();
+        assert_eq!(fields.as_object().unwrap().len(), WorkUnits::NAMES.len());
+        for (name, number) in WorkUnits::NAMES.into_iter().zip(numbers) {
+            assert_eq!(fields[name], number, "{name}");
+        }
     }
 }

@@ -3,9 +3,6 @@
 //! Lost and damaged packets do not end the reception: they are reported, and their pixels stay invalid.
 
 mod assembler;
-mod notice;
-
-pub use notice::{Flaw, Notice, PacketId, ReceivedFrame};
 
 use std::{
     io::{BufRead, Read},
@@ -18,7 +15,10 @@ use crate::{
     error::{Error, Result},
     files::Limits,
 };
+
 use assembler::{Assembler, Piece};
+
+pub use assembler::{Flaw, Notice, PacketId, ReceivedFrame};
 
 /// Give up after this many bytes without a packet: then the stream is something else.
 const MAX_NOISE_BYTES: usize = 1 << 20;
@@ -54,10 +54,11 @@ pub fn receive(mut source: impl BufRead, path: &Path, limits: Limits, notify: im
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::images::{DisparityMap, Raster};
     use multiscopic_core::{BlockMatchingParams, Disparity, Fusion, Region, SearchConfig};
     use multiscopic_edge::packet::{Sender, buffer_bytes, buffer_bytes_with_confidences};
+
+    use super::*;
+    use crate::images::{DisparityMap, Raster};
 
     const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 4) };
     const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {

@@ -4,8 +4,8 @@ use std::{io, mem, sync::Arc};
 
 use v4l::{Control, Device, control::Value};
 
-use super::{driver, error::CameraFault};
-use crate::capture::camera::settings::CameraSettings;
+use super::driver::{self, CameraFault};
+use crate::capture::camera::CameraSettings;
 
 /// Control numbers of linux/v4l2-controls.h. The bindings generated in `v4l2-sys` have only what crate `v4l`
 /// itself uses.

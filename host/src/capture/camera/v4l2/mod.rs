@@ -1,29 +1,31 @@
-//! Cameras of Linux, through Video4Linux 2.
+//! Cameras of Linux, through Video4Linux 2: opening them, and listing those of this machine.
 
-mod connection;
 mod driver;
-mod error;
-mod frame_layout;
-mod gray;
-mod listing;
 mod locked_controls;
 mod stream;
 
 use std::{
-    fmt,
+    fmt, fs, io,
     path::{Path, PathBuf},
-    sync::atomic::AtomicBool,
+    sync::{Arc, atomic::AtomicBool},
     time::{Duration, Instant},
 };
 
 use image::GrayImage;
+use v4l::{
+    Device, Format, FourCC,
+    format::{Description, FieldOrder},
+    framesize::FrameSizeEnum,
+    video::Capture,
+};
 
-use super::settings::CameraSettings;
-use crate::capture::threaded_camera::BlockingCamera;
-use connection::Connection;
-pub use error::{CameraError, CameraFault};
-pub use frame_layout::FrameLayout;
-pub use listing::list;
+use super::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat};
+use crate::{capture::acquisition::BlockingCamera, error::Error, files::input};
+
+use locked_controls::LockedControls;
+use stream::{FrameMean, Stream, Wait, WaitError};
+
+pub use driver::{CameraError, CameraFault, FrameLayout};
 
 /// An open V4L2 camera.
 ///
@@ -73,7 +75,7 @@ impl V4l2Camera {
             Some(connection) => connection,
             None => Connection::open(&self.path, Some(self.layout.format), Some(self.layout.size))?,
         };
-        let taken = connection.frame(&self.settings, stream::Wait { start, timeout, is_cancelled });
+        let taken = connection.frame(&self.settings, Wait { start, timeout, is_cancelled });
         if taken.is_err() {
             connection.stop();
         }
@@ -108,4 +110,211 @@ impl fmt::Display for V4l2Camera {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ({}), {}", self.path.display(), self.card, self.layout)
     }
+}
+
+/// Frames that may have been exposed before a call, though they arrive after it: one is being read out, and
+/// the exposure of the next overlaps with that.
+const FRAMES_IN_FLIGHT: u16 = 2;
+
+/// An open device, set to a format. The fields are in the order in which they must be dropped.
+struct Connection {
+    /// `None` while the camera is stopped.
+    stream: Option<Stream>,
+    /// `None` until the camera has warmed up.
+    controls: Option<LockedControls>,
+    device: Arc<Device>,
+    layout: FrameLayout,
+    card: String,
+}
+
+impl Connection {
+    /// Opens the device at `path` and sets its format and size.
+    fn open(path: &Path, format: Option<PixelFormat>, size: Option<[u32; 2]>) -> Result<Connection, CameraFault> {
+        let (device, capabilities) = driver::open(path)?;
+        driver::check(&capabilities)?;
+        let format = match format {
+            Some(format) => format,
+            None => preferred_format(&device)?,
+        };
+        let layout = set_format(&device, format, size)?;
+        Ok(Connection { stream: None, controls: None, device: device.into(), layout, card: capabilities.card })
+    }
+
+    /// The name of the device.
+    fn card(&self) -> &str {
+        &self.card
+    }
+
+    /// The layout of its frames in memory.
+    fn layout(&self) -> FrameLayout {
+        self.layout
+    }
+
+    /// Averages the next frames, all of them exposed after this call.
+    fn frame(&mut self, settings: &CameraSettings, wait: Wait<'_>) -> Result<GrayImage, CameraFault> {
+        let (mut frames, mut expected) = (0, u32::from(settings.average.get()));
+        // Counts frames, so that a time-out can say how many arrived.
+        let mut count = |taken: Result<(), WaitError>, expected: u32| match taken {
+            Ok(()) => {
+                frames += 1;
+                Ok(())
+            }
+            Err(WaitError::Fault(fault)) => Err(fault),
+            Err(WaitError::TimeOut) => Err(CameraFault::NoFrame { frames, expected, waited: wait.start.elapsed() }),
+        };
+        let was_running = self.stream.is_some();
+        let stream = match &mut self.stream {
+            Some(stream) => stream,
+            None => self.stream.insert(Stream::start(&self.device)?),
+        };
+        let mut skip = |stream: &mut Stream, number: u16| {
+            expected += u32::from(number);
+            (0..number).try_for_each(|_| count(stream.skip(wait), expected))
+        };
+        if was_running {
+            stream.drain()?;
+            skip(stream, FRAMES_IN_FLIGHT)?;
+        } else {
+            skip(stream, settings.warm_up)?;
+            if self.controls.is_none() {
+                let controls = self.controls.insert(LockedControls::lock(&self.device, settings)?);
+                if !controls.is_empty() {
+                    skip(stream, settings.warm_up)?;
+                }
+            }
+        }
+        let mut mean = FrameMean::default();
+        for _ in 0..settings.average.get() {
+            match stream.next(wait) {
+                Ok(bytes) => mean.add(&self.layout.to_gray(bytes)?),
+                Err(error) => count(Err(error), expected)?,
+            }
+            count(Ok(()), expected)?;
+        }
+        Ok(mean.image(self.layout.size))
+    }
+
+    /// Stops the camera. Its controls stay locked.
+    fn stop(&mut self) {
+        self.stream = None;
+    }
+}
+
+/// The first of [`PixelFormat::ALL`] that the device has.
+fn preferred_format(device: &Device) -> Result<PixelFormat, CameraFault> {
+    let formats = driver::catch_panic(|| Capture::enum_formats(device)).map_err(CameraFault::during("list its formats"))?;
+    let has = |format: &PixelFormat| formats.iter().any(|offered: &Description| offered.fourcc.repr == format.fourcc());
+    PixelFormat::ALL.into_iter().find(has).ok_or_else(|| {
+        let names: Vec<String> = formats.iter().map(|format| format.fourcc.to_string()).collect();
+        CameraFault::NoFormat { offered: if names.is_empty() { "none".into() } else { names.join(", ") } }
+    })
+}
+
+/// Sets the device to `format` and `size`, or to its current size. Fails where a driver would silently use
+/// another format or size.
+fn set_format(device: &Device, format: PixelFormat, size: Option<[u32; 2]>) -> Result<FrameLayout, CameraFault> {
+    let size = match size {
+        Some(size) => size,
+        None => {
+            let current = driver::catch_panic(|| Capture::format(device)).map_err(CameraFault::during("query its format"))?;
+            [current.width, current.height]
+        }
+    };
+    let requested = FrameLayout { format, size, stride: 0 };
+    let expected = format!("{requested}, not interlaced");
+    if size.iter().any(|side| !(1..=input::MAX_SIDE).contains(side)) {
+        let found = format!("a size of {}x{}", size[0], size[1]);
+        return Err(CameraFault::Format { found, expected: format!("1 to {} pixels on each side", input::MAX_SIDE) });
+    }
+    let request = Format { field_order: FieldOrder::Progressive, ..Format::new(size[0], size[1], FourCC::new(&format.fourcc())) };
+    let actual = driver::catch_panic(|| Capture::set_format(device, &request)).map_err(CameraFault::during("set its format"))?;
+    let is_progressive = matches!(actual.field_order, FieldOrder::Progressive | FieldOrder::Any);
+    if actual.fourcc.repr != format.fourcc() || [actual.width, actual.height] != size || !is_progressive {
+        let fields = if is_progressive { "" } else { ", interlaced" };
+        let found = format!("{}x{} {}{fields}", actual.width, actual.height, actual.fourcc.to_string().trim_end());
+        return Err(CameraFault::Format { found, expected });
+    }
+    Ok(FrameLayout { stride: actual.stride, ..requested })
+}
+
+/// Lists the cameras in the order of their device numbers. Those that cannot be used are included, with the
+/// reason; devices that are not cameras are left out.
+///
+/// # Errors
+/// `/dev` cannot be read.
+pub fn list() -> Result<Vec<CameraInfo>, Error> {
+    let numbered = |entry: io::Result<fs::DirEntry>| -> Option<(u32, PathBuf)> {
+        let path = entry.ok()?.path();
+        Some((path.file_name()?.to_str()?.strip_prefix("video")?.parse().ok()?, path))
+    };
+    let entries = fs::read_dir("/dev").map_err(|source| Error::Read { path: "/dev".into(), source })?;
+    let mut devices: Vec<_> = entries.filter_map(numbered).collect();
+    devices.sort();
+    Ok(devices.iter().filter_map(|(_, path)| CameraInfo::of(path)).collect())
+}
+
+impl CameraInfo {
+    /// Describes the device at `path`. `None` if it is not a camera.
+    fn of(path: &Path) -> Option<CameraInfo> {
+        let unopened = |problem: &CameraFault| CameraInfo {
+            device: path.into(),
+            card: String::new(),
+            driver: String::new(),
+            bus: String::new(),
+            problem: Some(problem.to_string()),
+            formats: Vec::new(),
+        };
+        let (device, capabilities) = match driver::open(path) {
+            Ok(opened) => opened,
+            // It was unplugged since the folder was read.
+            Err(CameraFault::NotFound | CameraFault::Disconnected) => return None,
+            Err(fault) => return Some(unopened(&fault)),
+        };
+        let problem = match driver::check(&capabilities) {
+            Ok(()) => None,
+            Err(CameraFault::NotACamera { .. }) => return None,
+            Err(fault) => Some(fault),
+        };
+        let formats = match problem {
+            Some(_) => Ok(Vec::new()),
+            None => driver::catch_panic(|| Capture::enum_formats(&device)).map_err(CameraFault::during("list its formats")),
+        };
+        let (formats, problem) = match formats {
+            Ok(formats) => (formats, problem),
+            Err(fault) => (Vec::new(), Some(fault)),
+        };
+        Some(CameraInfo {
+            device: path.into(),
+            card: capabilities.card,
+            driver: capabilities.driver,
+            bus: capabilities.bus,
+            problem: problem.map(|fault| fault.to_string()),
+            formats: formats.into_iter().map(|format| FormatInfo::of(&device, format)).collect(),
+        })
+    }
+}
+
+impl FormatInfo {
+    fn of(device: &Device, Description { fourcc, description, .. }: Description) -> FormatInfo {
+        FormatInfo {
+            format: String::from_utf8_lossy(&fourcc.repr).trim_end().into(),
+            description,
+            is_supported: PixelFormat::of_fourcc(fourcc.repr).is_some(),
+            sizes: frame_sizes(device, fourcc),
+        }
+    }
+}
+
+/// The frame sizes of a format. Empty if the driver does not tell.
+fn frame_sizes(device: &Device, fourcc: FourCC) -> Vec<FrameSizes> {
+    let sizes = driver::catch_panic(|| Capture::enum_framesizes(device, fourcc)).unwrap_or_default();
+    let sizes = sizes.into_iter().map(|size| match size.size {
+        FrameSizeEnum::Discrete(size) => FrameSizes::One([size.width, size.height]),
+        FrameSizeEnum::Stepwise(range) => FrameSizes::Range {
+            min: [range.min_width, range.min_height],
+            max: [range.max_width, range.max_height],
+            step: [range.step_width, range.step_height],
+        },
+    });
+    sizes.collect()
 }

@@ -1,11 +1,14 @@
-//! The stream of a camera's frames.
+//! The stream of a camera's frames, their conversion to grey, and their mean.
 
 use std::{
+    borrow::Cow,
     io, mem,
+    path::Path,
     sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
 };
 
+use image::GrayImage;
 use v4l::{
     Device,
     buffer::{Flags, Type},
@@ -15,9 +18,11 @@ use v4l::{
     },
 };
 
-use super::{
-    driver,
-    error::{self, CameraFault},
+use super::driver::{self, CameraFault, FrameLayout};
+use crate::{
+    capture::camera::PixelFormat,
+    error::Error,
+    images::{Picture, gray_of},
 };
 
 /// Buffers to request. One is ours to read, the others are queued; some drivers need three queued before they
@@ -152,7 +157,7 @@ impl Drop for Stream {
         let Some(mut inner) = self.inner.take() else { return };
         // If the driver does not stop, crate `v4l` panics, and panics again as it releases the buffers, which
         // aborts the program. Leak such a stream instead.
-        let has_stopped = (0..2).any(|_| inner.stop().map_or_else(|error| error::is_gone(&error), |()| true));
+        let has_stopped = (0..2).any(|_| inner.stop().map_or_else(|error| driver::is_gone(&error), |()| true));
         if has_stopped {
             // A panic here means that the device is gone. The program goes on.
             let _ = driver::catch_panic(|| {
@@ -162,5 +167,121 @@ impl Drop for Stream {
         } else {
             mem::forget(inner);
         }
+    }
+}
+
+impl FrameLayout {
+    /// Converts a frame to grey. Bytes beyond the last row are ignored.
+    ///
+    /// # Errors
+    /// [`CameraFault::Truncated`] if there are too few bytes, [`CameraFault::Jpeg`] if they are not a JPEG
+    /// image of this size.
+    pub fn to_gray(&self, frame: &[u8]) -> Result<GrayImage, CameraFault> {
+        let word = |shift: u32| move |word: &[u8]| (u16::from_le_bytes([word[0], word[1]]) >> shift) as u8;
+        match self.format {
+            // YUYV has luma in the first of a pixel's two bytes.
+            PixelFormat::Grey | PixelFormat::Nv12 | PixelFormat::Yuyv => self.convert(frame, |pixel: &[u8]| pixel[0]),
+            PixelFormat::Y10 => self.convert(frame, word(2)),
+            PixelFormat::Y12 => self.convert(frame, word(4)),
+            PixelFormat::Y16 => self.convert(frame, word(8)),
+            PixelFormat::Rgb3 => self.convert(frame, |pixel: &[u8]| gray_of([pixel[0], pixel[1], pixel[2]])),
+            PixelFormat::Mjpg => self.decode(frame),
+        }
+    }
+
+    /// Converts each pixel's bytes to grey.
+    fn convert(&self, frame: &[u8], gray: impl Fn(&[u8]) -> u8) -> Result<GrayImage, CameraFault> {
+        let (found, expected) = (frame.len() as u64, self.bytes());
+        if found < expected {
+            return Err(CameraFault::Truncated { found, expected, layout: *self });
+        }
+        let [width, height] = self.size;
+        let rows = frame.chunks(self.stride().max(1)).take(height as usize).map(|row| &row[..self.row_bytes()]);
+        let pixels = rows.flat_map(|row| row.chunks_exact(self.pixel_bytes())).map(gray).collect();
+        Ok(GrayImage::from_raw(width, height, pixels).expect("every row has the width of the image"))
+    }
+
+    /// Decodes a JPEG image to grey.
+    fn decode(&self, frame: &[u8]) -> Result<GrayImage, CameraFault> {
+        let wrong = |found: String| CameraFault::Jpeg { found, layout: *self };
+        let picture = Picture::decode(Path::new(""), &mark_without_tables(frame)).map_err(|error| match error {
+            Error::Format { found, .. } => wrong(found),
+            error => wrong(error.to_string()),
+        })?;
+        match picture.dimensions() {
+            (width, height) if [width, height] == self.size => Ok(picture.to_gray()),
+            (width, height) => Err(wrong(format!("an image of {width}x{height}"))),
+        }
+    }
+}
+
+/// An APP0 segment that marks an image as Motion JPEG.
+const AVI1_SEGMENT: [u8; 9] = *b"\xFF\xE0\x00\x07AVI1\0";
+
+/// Marks an image that has no Huffman tables as Motion JPEG.
+///
+/// Many cameras leave the tables out, because they are always those of ITU-T T.81, annex K.3. The decoder fills
+/// these in, but only for marked images, and many cameras leave out the mark as well.
+fn mark_without_tables(image: &[u8]) -> Cow<'_, [u8]> {
+    match image.split_at_checked(2) {
+        Some((start, rest)) if has_no_tables(rest) => [start, &AVI1_SEGMENT, rest].concat().into(),
+        _ => image.into(),
+    }
+}
+
+/// Returns true if none of the segments (0xFF, marker, length, data) before the scan defines Huffman tables.
+fn has_no_tables(mut segments: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xDA;
+    const HUFFMAN_TABLES: u8 = 0xC4;
+    while let Some(&[0xFF, marker, high, low]) = segments.first_chunk() {
+        match marker {
+            START_OF_SCAN => return true,
+            HUFFMAN_TABLES => return false,
+            _ => segments = segments.get(2 + usize::from(u16::from_be_bytes([high, low]))..).unwrap_or_default(),
+        }
+    }
+    false
+}
+
+/// Sums frames of one size.
+#[derive(Default)]
+pub(super) struct FrameMean {
+    count: u32,
+    sums: Vec<u32>,
+}
+
+impl FrameMean {
+    /// Adds a frame. The sums hold up to 65535 frames.
+    pub(super) fn add(&mut self, image: &GrayImage) {
+        self.count += 1;
+        self.sums.resize(image.len(), 0);
+        self.sums.iter_mut().zip(image.as_raw()).for_each(|(sum, &pixel)| *sum += u32::from(pixel));
+    }
+
+    /// The mean, rounded to the nearest, halves up.
+    pub(super) fn image(&self, [width, height]: [u32; 2]) -> GrayImage {
+        let mean = |sum: &u32| ((sum + self.count / 2) / self.count) as u8;
+        GrayImage::from_raw(width, height, self.sums.iter().map(mean).collect()).expect("the frames have this size")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_rounded() {
+        let mut mean = FrameMean::default();
+        let images = [[0, 255, 10, 1], [1, 255, 10, 1], [1, 254, 13, 1], [0, 255, 10, 0]];
+        for (i, image) in images.into_iter().enumerate() {
+            mean.add(&GrayImage::from_raw(2, 2, image.to_vec()).unwrap());
+            if i == 0 {
+                assert_eq!(mean.image([2, 2]).as_raw(), &image);
+            }
+        }
+        assert_eq!(mean.image([2, 2]).as_raw(), &[1, 255, 11, 1]);
+        let mut white = FrameMean { count: 65534, sums: vec![255 * 65534] };
+        white.add(&GrayImage::from_raw(1, 1, vec![255]).unwrap());
+        assert_eq!(white.image([1, 1]).as_raw(), &[255]);
     }
 }

@@ -11,10 +11,7 @@ use std::{
 
 use multiscopic_core::capture::{Position, Stage};
 
-use super::{
-    coordinates::{distance, linear_move, parse_coordinate, to_machine, to_position},
-    line_port::LinePort,
-};
+use super::line_port::{LinePort, distance, linear_move, parse_coordinate, to_machine, to_position};
 use crate::capture::stage::{error::StageError, limits::Limits};
 
 /// The most pending lines to process in one call. Fewer than this arrive between two calls.

@@ -8,13 +8,9 @@
 //! not move twice. The machine's zero is left alone: neither `G92` nor a work coordinate system changes. The
 //! modes `G21` and `G90` are set before each move.
 
-mod coordinates;
 mod grbl;
 mod line_port;
 mod marlin;
-
-pub use grbl::Grbl;
-pub use marlin::Marlin;
 
 use std::{
     io::{self, Read, Write},
@@ -23,8 +19,12 @@ use std::{
 };
 
 use super::{adapters::AnyStage, error::StageError, limits::Limits};
-use crate::capture::clock::{Clock, SystemClock};
+use crate::capture::{Clock, SystemClock};
+
 use line_port::LinePort;
+
+pub use grbl::Grbl;
+pub use marlin::Marlin;
 
 /// The default baud rate of both firmwares.
 pub const BAUD: u32 = 115_200;

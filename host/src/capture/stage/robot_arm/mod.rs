@@ -6,14 +6,9 @@
 //! ones always accept scripts.
 
 mod feedback;
-mod handshake;
 mod network;
 mod rtde;
 mod script;
-mod tool_pose;
-
-pub use network::{ArmAddress, Connection, Network};
-pub use tool_pose::ToolPose;
 
 use std::{sync::Arc, time::Duration};
 
@@ -23,10 +18,14 @@ use super::{
     error::StageError,
     limits::{Limits, StallTimer},
 };
-use crate::capture::clock::{Clock, SystemClock};
+use crate::capture::{Clock, SystemClock};
+
 use feedback::{ArmState, Feedback};
 use network::Hosts;
 use script::ScriptPort;
+
+pub use network::{ArmAddress, Connection, Network};
+pub use script::ToolPose;
 
 /// The distances from its target at which the tool has arrived, in metres and radians. The arms repeat to 0.1 mm.
 const TOLERANCE: [f64; 2] = [1e-4, 2e-3];

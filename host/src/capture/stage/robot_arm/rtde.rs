@@ -5,11 +5,8 @@
 
 use std::io;
 
-use super::{network::Connection, tool_pose::ToolPose};
-use crate::capture::stage::{
-    arm_modes::{RobotMode, SafetyMode},
-    error::StageError,
-};
+use super::{network::Connection, script::ToolPose};
+use crate::capture::stage::error::{RobotMode, SafetyMode, StageError};
 
 /// Version of the protocol.
 pub const VERSION: u16 = 2;

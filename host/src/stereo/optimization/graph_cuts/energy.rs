@@ -1,19 +1,16 @@
 //! The energy of a labelling.
 
+use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic_core::{Frame, Fusion, MatchingCost, SearchSpace, View};
 
-use super::{
-    matched_image::MatchedImage,
-    parameters::{GraphCuts, Occlusion, Smoothness},
-    pixel::{Label, NeighborPair, OCCLUDED, Pixel},
-};
+use super::parameters::{GraphCuts, Label, NeighborPair, OCCLUDED, Occlusion, Pixel, Smoothness};
 use crate::{
     images::Frames,
-    stereo::cost::{BirchfieldTomasi, birchfield_tomasi::Intervals, fused_cost},
+    stereo::cost::{BirchfieldTomasi, RowMatches, birchfield_tomasi::Intervals, fused_cost},
 };
 
-/// The energy of the labellings of an image (paper, section III-C and IV-C): its data terms and, in
-/// `smoothness.rs`, its smoothness terms.
+/// The energy of the labellings of an image (paper, section III-C and IV-C): its data terms and its
+/// smoothness terms.
 ///
 /// Energies are integers in units of 1 / [`scale`](Energy::scale) of an intensity.
 #[derive(Debug)]
@@ -22,23 +19,23 @@ pub struct Energy {
     height: usize,
     fusion: Fusion,
     center: MatchedImage,
-    pub(super) views: Vec<(View, MatchedImage)>,
+    views: Vec<(View, MatchedImage)>,
     scale: i32,
     /// The difference in intensity from which on neighbours look different.
-    pub(super) threshold: u8,
+    threshold: u8,
     /// The number of views in which neighbours have to look different to count as different: any of up to four (paper,
     /// eq. 12), half of more.
     ///
     /// The more views there are, the likelier it is that one of them sees something else at one of two matches,
     /// which has nothing to do with an edge between the neighbours. Where an edge is, at least half see it.
-    pub(super) contrasting_views: usize,
+    contrasting_views: usize,
     occlusion_cost: i32,
     occlusion_rule: Occlusion,
     smoothness_rule: Smoothness,
     /// The cost of a step between neighbours that look the same, and between those that look different.
-    pub(super) weights: [i32; 2],
+    weights: [i32; 2],
     /// The step above which neighbours pay no more.
-    pub(super) cutoff: i32,
+    cutoff: i32,
 }
 
 impl Energy {
@@ -103,12 +100,6 @@ impl Energy {
     /// The rule by which the costs of the views are fused.
     pub fn fusion(&self) -> Fusion {
         self.fusion
-    }
-
-    /// The centre as the smoothness term reads it.
-    #[inline(always)]
-    pub(super) fn center_image(&self) -> &MatchedImage {
-        &self.center
     }
 
     /// The centre as the data term reads it.
@@ -241,5 +232,161 @@ impl Energy {
         }
         // Below half an intensity everything would be occluded.
         (sum / count.max(1.0) / f64::from(self.scale)).max(0.5)
+    }
+}
+
+// The smoothness term.
+impl Energy {
+    /// Returns the smoothness cost of two neighbours' labels (paper, eq. 6 and 12).
+    #[inline(always)]
+    pub fn smoothness(&self, pair: NeighborPair, label1: Label, label2: Label) -> i32 {
+        if label1 == label2 {
+            return 0;
+        }
+        match self.smoothness_rule() {
+            Smoothness::Linear => self.linear(pair, label1, label2),
+            Smoothness::Potts => self.potts(pair, label1) + self.potts(pair, label2),
+        }
+    }
+
+    /// Returns the linear cost of the step between two neighbours' labels.
+    #[inline(always)]
+    fn linear(&self, pair: NeighborPair, label1: Label, label2: Label) -> i32 {
+        if label1 == label2 || label1 == OCCLUDED || label2 == OCCLUDED {
+            return 0;
+        }
+        let step = (i32::from(label1) - i32::from(label2)).abs().min(self.cutoff);
+        step * self.weight(pair, label1, label2)
+    }
+
+    /// Returns the Potts cost of two neighbours if just one of them has disparity `d`, and both could have it
+    /// (Kolmogorov and Zabih).
+    #[inline(always)]
+    fn potts(&self, pair: NeighborPair, d: Label) -> i32 {
+        let sees_both =
+            |view| self.match_index(view, pair.first, d).is_some() && self.match_index(view, pair.second, d).is_some();
+        let is_possible = d != OCCLUDED && self.views.iter().any(|(view, _)| sees_both(*view));
+        if is_possible { self.weight(pair, d, d) } else { 0 }
+    }
+
+    /// The cost of a step by one pixel between two neighbours. It is lower if they look different in the
+    /// centre, or in [enough](Energy::contrasting_views) of the views that see both.
+    #[inline(always)]
+    fn weight(&self, pair: NeighborPair, d1: Label, d2: Label) -> i32 {
+        let contrast = DIFFERENT << if pair.is_vertical { BELOW } else { RIGHT };
+        let [same, different] = self.weights;
+        if self.center.contrasts[pair.first.index] & contrast != 0 {
+            return different;
+        }
+        let mut count = 0;
+        for (view, image) in &self.views {
+            if let (Some(q1), Some(q2)) = (self.match_index(*view, pair.first, d1), self.match_index(*view, pair.second, d2)) {
+                let differ = match d1 == d2 {
+                    // The matches are neighbours too.
+                    true => image.contrasts[q1] & contrast != 0,
+                    false => image.differ(q1, q2, self.threshold),
+                };
+                count += usize::from(differ);
+                if count >= self.contrasting_views {
+                    return different;
+                }
+            }
+        }
+        same
+    }
+
+    /// Computes a code of the Potts cost of each pixel of row `v` with its neighbours to the right and below, if just one of
+    /// the pair has `d`.
+    ///
+    /// A code has two bits, which index [`potts_costs`](Energy::potts_costs). Bits 0 and 1 are for the
+    /// neighbour to the right, bits 4 and 5 for the one below.
+    pub fn potts_codes(&self, v: usize, d: Label, codes: &mut [u8]) {
+        let [width, height] = self.size();
+        codes.fill(0);
+        // In how many views each pixel looks different from its right neighbour, and from the one below.
+        let mut counts = vec![[0; 2]; codes.len()];
+        for (view, image) in &self.views {
+            let Some(RowMatches { columns, first }) = RowMatches::new(self.size(), *view, v, d) else { continue };
+            let has_below = v.max(first / width) + 1 < height;
+            let seen = if has_below { (SEEN << RIGHT) | (SEEN << BELOW) } else { SEEN << RIGHT };
+            let contrasts = &image.contrasts[first..first + columns.len()];
+            let last = columns.end - 1;
+            let (previous, [previous_count, _]) = (codes[last], counts[last]);
+            for ((code, [right, below]), contrast) in codes[columns.clone()].iter_mut().zip(&mut counts[columns]).zip(contrasts) {
+                let different = (contrast / DIFFERENT) & seen;
+                *code |= seen;
+                *right += (different >> RIGHT) & 1;
+                *below += (different >> BELOW) & 1;
+            }
+            // The last pixel has no right neighbour, or none that this view sees.
+            let right = SEEN << RIGHT;
+            codes[last] = codes[last] & !right | previous & right;
+            counts[last][0] = previous_count;
+        }
+        let contrasts = &self.center.contrasts[v * width..][..width];
+        for ((code, [right, below]), contrast) in codes.iter_mut().zip(counts).zip(contrasts) {
+            let contrast_of = |count: u8| if usize::from(count) >= self.contrasting_views { DIFFERENT } else { 0 };
+            *code |= contrast | (contrast_of(right) << RIGHT) | (contrast_of(below) << BELOW);
+        }
+    }
+
+    /// The cost of each two-bit Potts code.
+    pub fn potts_costs(&self) -> [i32; 4] {
+        let [same, different] = self.weights;
+        [0, same, 0, different]
+    }
+}
+
+/// The bit of a Potts code that says that a view sees both pixels of a pair at a disparity.
+const SEEN: u8 = 1;
+/// The bit of a Potts code that says that both pixels of a pair look different, in the centre or in a view.
+const DIFFERENT: u8 = 2;
+/// The shift, in bits, of the code of a pixel and its right neighbour.
+const RIGHT: usize = 0;
+/// The shift, in bits, of the code of a pixel and the neighbour below.
+const BELOW: usize = 4;
+
+/// An image in the forms that the energy reads.
+#[derive(Debug)]
+pub struct MatchedImage {
+    /// The intervals of intensity that data terms compare.
+    pub intervals: Intervals,
+    /// Grey, or red, green and blue; the other samples are 0.
+    samples: Vec<[u8; 4]>,
+    /// For each pixel, [`DIFFERENT`] shifted by [`RIGHT`] if its right neighbour looks different, and by
+    /// [`BELOW`] if the one below does.
+    contrasts: Vec<u8>,
+}
+
+impl MatchedImage {
+    /// An image in colour if there is `color`, otherwise in grey. Pixels that differ by `threshold` look
+    /// different.
+    pub fn new(gray: &GrayImage, color: Option<&RgbImage>, threshold: u8) -> MatchedImage {
+        let (intervals, samples) = match color {
+            Some(color) => (Intervals::of_rgb(color), color.pixels().map(|&Rgb([r, g, b])| [r, g, b, 0]).collect()),
+            None => (Intervals::of_gray(gray), gray.pixels().map(|&Luma([luma])| [luma, 0, 0, 0]).collect()),
+        };
+        let mut image = MatchedImage { intervals, samples, contrasts: Vec::new() };
+        let (width, pixels) = (gray.width() as usize, image.samples.len());
+        let contrast = |i: usize| {
+            let right = !(i + 1).is_multiple_of(width) && image.differ(i, i + 1, threshold);
+            let below = i + width < pixels && image.differ(i, i + width, threshold);
+            DIFFERENT * (u8::from(right) << RIGHT | u8::from(below) << BELOW)
+        };
+        image.contrasts = (0..pixels).map(contrast).collect();
+        image
+    }
+
+    /// The bytes for each pixel of an image with this number of channels.
+    pub const fn pixel_bytes(channels: usize) -> usize {
+        channels * 3 * size_of::<i16>() + size_of::<[u8; 4]>() + size_of::<u8>()
+    }
+
+    /// Returns true if two pixels differ in any channel by `threshold` or more.
+    #[inline(always)]
+    pub fn differ(&self, a: usize, b: usize, threshold: u8) -> bool {
+        let (a, b) = (self.samples[a], self.samples[b]);
+        let differences: [u8; 4] = std::array::from_fn(|i| a[i].abs_diff(b[i]));
+        differences.into_iter().fold(0, u8::max) >= threshold
     }
 }

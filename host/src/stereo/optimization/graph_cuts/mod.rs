@@ -14,33 +14,19 @@
 //!
 //! | file | what it is |
 //! | --- | --- |
-//! | `parameters` | [`GraphCuts`] and its rules |
-//! | `pixel` | pixels and their labels |
-//! | `matched_image` | an image as the energy reads it |
-//! | `energy`, `smoothness` | data and smoothness terms |
+//! | `parameters` | [`GraphCuts`] and its rules, pixels and their labels |
+//! | `energy` | data and smoothness terms, and images as they read them |
 //! | `max_flow` | maximum flow and minimum cut |
 //! | `expansion` | moves that lower the energy |
-//! | `sub_pixel`, `enlarged` | disparities in fractions of a pixel, and matching of enlarged images |
+//! | `sub_pixel` | disparities in fractions of a pixel, by refinement and by matching of enlarged images |
 
 mod energy;
-mod enlarged;
 mod expansion;
-mod matched_image;
 mod max_flow;
 mod parameters;
-mod pixel;
-mod smoothness;
 mod sub_pixel;
 
-pub use energy::Energy;
-pub use expansion::{LabelChange, Labelling};
-pub use max_flow::{MaxFlow, Topology};
-pub use parameters::{GraphCuts, Occlusion, Smoothness};
-pub use pixel::{Label, NeighborPair, OCCLUDED, Pixel};
-
 use multiscopic_core::{BlockMatchingParams, SearchSpace};
-
-use matched_image::MatchedImage;
 
 use crate::{
     error::{Error, Result},
@@ -48,6 +34,13 @@ use crate::{
     progress::Progress,
     stereo::{Engine, cost::BirchfieldTomasi, refinement::fill_lines},
 };
+
+use energy::MatchedImage;
+
+pub use energy::Energy;
+pub use expansion::{LabelChange, Labelling};
+pub use max_flow::{MaxFlow, Topology};
+pub use parameters::{GraphCuts, Label, NeighborPair, OCCLUDED, Occlusion, Pixel, Smoothness};
 
 impl GraphCuts {
     /// Estimates the bytes of memory that it takes to match images of `pixels` pixels in a number of views, beside the images
@@ -85,9 +78,9 @@ impl GraphCuts {
             1 => self.minimize(cost, engine, frames, &params, progress),
             times @ 2..=GraphCuts::MAX_UPSAMPLE => {
                 engine.check(&frames.planes(), search)?;
-                let enlarged = enlarged::params(&params, times)?;
-                let map = self.minimize(cost, engine, &enlarged::frames(frames, search, times), &enlarged, progress)?;
-                Ok(enlarged::reduced(&map, times))
+                let enlarged = sub_pixel::enlarged_params(&params, times)?;
+                let map = self.minimize(cost, engine, &sub_pixel::enlarged_frames(frames, search, times), &enlarged, progress)?;
+                Ok(sub_pixel::reduced(&map, times))
             }
             times => {
                 let most = GraphCuts::MAX_UPSAMPLE;

@@ -83,8 +83,8 @@ const PARTS: [Part; 6] = [
         name: "readers",
         package: "multiscopic",
         files: &[
-            "host/src/files/{disparity_files,frame_files,image_codec,input,jpeg_markers,npy,pfm,png_chunks,toml_file,truncation}.rs",
-            "host/src/files/{jpeg_scans,picture_files,rig_file}/**",
+            "host/src/files/{disparity_files,frame_files,image_codec,input,npy,rig_file,rig_list}.rs",
+            "host/src/files/{jpeg_scans,picture_files}/**",
             "host/src/lens/calibration_files/**",
         ],
         excluded: &["**/tests.rs"],

@@ -1,16 +1,11 @@
-//! A move: which pixels take one label, and what that costs.
+//! A move: which pixels take one label, and what that costs; the layout of its arrays, and the nodes and arcs of its graph.
 
 use std::ops::Range;
 
-use super::{
-    padding::{OUTSIDE, stride},
-    topology::{TO_BELOW, TO_RIGHT},
-};
 use crate::stereo::optimization::graph_cuts::{
     energy::Energy,
     max_flow::{MaxFlow, Topology},
-    parameters::Smoothness,
-    pixel::{Label, NeighborPair, OCCLUDED, Pixel},
+    parameters::{Label, NeighborPair, OCCLUDED, Pixel, Smoothness},
 };
 
 /// The owner of a pixel of the view that is nobody's match.
@@ -106,14 +101,14 @@ impl ExpansionMove<'_> {
     #[inline(always)]
     pub fn node(&self, slot: usize) -> usize {
         let [width, _] = self.energy.size();
-        slot + stride(width) - self.first_slot
+        slot + stride_of(width) - self.first_slot
     }
 
     /// A pixel with its neighbours to the right, below, to the left and above.
     #[inline(always)]
     fn neighbors(&self, pixel: Pixel, slot: usize) -> [Neighbors; 4] {
         let [width, _] = self.energy.size();
-        let stride = stride(width);
+        let stride = stride_of(width);
         let Pixel { u, v, index } = pixel;
         let with_next = |second, second_slot, is_vertical| Neighbors {
             pair: NeighborPair { first: pixel, second, is_vertical },
@@ -242,5 +237,115 @@ impl ExpansionMove<'_> {
             graph.push_to_neighbors(self.nodes(run, nodes_per_pixel));
         }
         graph.run(self.runs.iter().map(|run| self.nodes(run, nodes_per_pixel)));
+    }
+}
+
+// The padded layout: per-pixel arrays with a border of one pixel around the image, so that every pixel has
+// four neighbours. A *slot* is an index into such an array.
+
+/// The label of the slots in the border.
+pub const OUTSIDE: Label = Label::MAX;
+
+/// The slots in a row.
+#[inline(always)]
+pub const fn stride_of(width: usize) -> usize {
+    width + 2
+}
+
+/// The slot of the pixel in column `u` of row `v`.
+#[inline(always)]
+pub const fn slot_at(u: usize, v: usize, width: usize) -> usize {
+    (v + 1) * stride_of(width) + u + 1
+}
+
+/// The pixels of an image, each with its slot.
+pub fn slots([width, height]: [usize; 2]) -> impl Iterator<Item = (Pixel, usize)> {
+    let pixel = move |u: usize, v: usize| (Pixel::at(u, v, width), slot_at(u, v, width));
+    (0..height).flat_map(move |v| (0..width).map(move |u| pixel(u, v)))
+}
+
+/// The arc from a pixel to its right neighbour. The next arc leads to its left neighbour.
+pub const TO_RIGHT: usize = 0;
+/// The arc from a pixel to the neighbour below. The next arc leads to the one above.
+pub const TO_BELOW: usize = 2;
+
+/// The graph for capped occlusions: one node per slot, with arcs to its four neighbours.
+#[derive(Clone, Copy, Debug)]
+pub struct CappedTopology {
+    nodes: usize,
+    /// From a node to the head of each of its arcs.
+    offsets: [isize; 4],
+}
+
+impl CappedTopology {
+    pub fn new(stride: usize, rows: usize) -> CappedTopology {
+        CappedTopology { nodes: stride * rows, offsets: [1, -1, stride as isize, -(stride as isize)] }
+    }
+}
+
+impl Topology for CappedTopology {
+    const DEGREE: usize = 4;
+    const REVERSE: &'static [usize] = &[1, 0, 3, 2];
+
+    fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    #[inline(always)]
+    fn head(&self, node: usize, arc: usize) -> usize {
+        node.wrapping_add_signed(self.offsets[arc])
+    }
+}
+
+/// The node of a pixel that is on the sink's side if the pixel drops its label.
+pub const DROP_NODE: usize = 0;
+/// The node of a pixel that is on the sink's side if the pixel takes the new label.
+pub const TAKE_NODE: usize = 1;
+
+/// The arc from a node to the other node of its pixel.
+pub const TO_SIBLING: usize = 4;
+/// The arc between the nodes of two pixels that compete for one match.
+pub const TO_RIVAL: usize = 5;
+/// The first arc from a node to the nodes of the other kind of its neighbours, in the order of [`TO_RIGHT`]
+/// and [`TO_BELOW`].
+pub const TO_OTHER_KIND: usize = 6;
+
+/// The graph for unique matches: two nodes per slot, [`DROP_NODE`] and [`TAKE_NODE`].
+///
+/// Each node has arcs to the nodes of its own kind of the pixel's neighbours, to its sibling and to a rival.
+/// With `CROSSED`, it also has arcs to the nodes of the other kind of the neighbours, which linear smoothness
+/// needs.
+#[derive(Clone, Debug)]
+pub struct UniqueTopology<const CROSSED: bool> {
+    nodes: usize,
+    /// From a node to those of its own kind of the neighbours.
+    offsets: [isize; 4],
+    /// The rival of each node, or the node itself if it has none.
+    pub rivals: Vec<u32>,
+}
+
+impl<const CROSSED: bool> UniqueTopology<CROSSED> {
+    pub fn new(stride: usize, rows: usize) -> UniqueTopology<CROSSED> {
+        let (nodes, down) = (2 * stride * rows, 2 * stride as isize);
+        UniqueTopology { nodes, offsets: [2, -2, down, -down], rivals: (0..nodes as u32).collect() }
+    }
+}
+
+impl<const CROSSED: bool> Topology for UniqueTopology<CROSSED> {
+    const DEGREE: usize = if CROSSED { 10 } else { 6 };
+    const REVERSE: &'static [usize] = if CROSSED { &[1, 0, 3, 2, 4, 5, 7, 6, 9, 8] } else { &[1, 0, 3, 2, 4, 5] };
+
+    fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    #[inline(always)]
+    fn head(&self, node: usize, arc: usize) -> usize {
+        match arc {
+            ..TO_SIBLING => node.wrapping_add_signed(self.offsets[arc]),
+            TO_SIBLING => node ^ 1,
+            TO_RIVAL => self.rivals[node] as usize,
+            _ => (node ^ 1).wrapping_add_signed(self.offsets[arc - TO_OTHER_KIND]),
+        }
     }
 }

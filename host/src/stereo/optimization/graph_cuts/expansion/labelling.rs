@@ -5,15 +5,12 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
-    band::{Band, BandGraph},
-    expansion_move::{ExpansionMove, NO_OWNER, Run},
-    padding::{self, OUTSIDE},
-    topology::{TO_BELOW, TO_RIGHT},
+    cuts::{Band, BandGraph},
+    expansion_move::{ExpansionMove, NO_OWNER, OUTSIDE, Run, TO_BELOW, TO_RIGHT, slot_at, slots, stride_of},
 };
 use crate::stereo::optimization::graph_cuts::{
     energy::Energy,
-    parameters::{Occlusion, Smoothness},
-    pixel::{Label, OCCLUDED, Pixel},
+    parameters::{Label, OCCLUDED, Occlusion, Pixel, Smoothness},
 };
 
 /// The labels of an image's pixels, whose energy falls from move to move. All per-pixel arrays but one are in
@@ -63,13 +60,13 @@ impl<'a> Labelling<'a> {
     pub fn new(energy: &'a Energy, mut labels: Vec<Label>) -> Labelling<'a> {
         let [width, height] = energy.size();
         assert_eq!(labels.len(), width * height, "a label for every pixel");
-        let (stride, rows) = (padding::stride(width), height + 2);
+        let (stride, rows) = (stride_of(width), height + 2);
         let mut match_owners = Vec::new();
         match energy.occlusion_rule() {
             Occlusion::Capped => labels.chunks_exact_mut(width).for_each(fill_occluded),
             Occlusion::Unique => {
                 match_owners = vec![NO_OWNER; labels.len()];
-                let pixels = labels.iter_mut().zip(padding::pixels([width, height]));
+                let pixels = labels.iter_mut().zip(slots([width, height]));
                 for (label, (pixel, slot)) in pixels.filter(|(label, _)| **label != OCCLUDED) {
                     match energy.match_index(energy.view(), pixel, *label) {
                         // The first pixel with a match keeps it.
@@ -104,7 +101,7 @@ impl<'a> Labelling<'a> {
         labels.dedup();
         for label in labels.into_iter().filter(|label| *label != OCCLUDED) {
             labelling.propose(label, 0..height);
-            for (_, slot) in padding::pixels([width, height]) {
+            for (_, slot) in slots([width, height]) {
                 if labelling.labels[slot] == label {
                     labelling.take_proposed(slot);
                 }
@@ -124,7 +121,7 @@ impl<'a> Labelling<'a> {
 
     /// The labels, row by row.
     pub fn labels(&self) -> impl Iterator<Item = Label> {
-        padding::pixels(self.energy.size()).map(|(_, slot)| self.labels[slot])
+        slots(self.energy.size()).map(|(_, slot)| self.labels[slot])
     }
 
     /// The energy of the labels.
@@ -160,7 +157,7 @@ impl<'a> Labelling<'a> {
     /// Computes what the pixels of some rows would pay for `label`.
     fn propose(&mut self, label: Label, rows: Range<usize>) {
         let [width, _] = self.energy.size();
-        let stride = padding::stride(width);
+        let stride = stride_of(width);
         let data = self.proposed_data.par_chunks_exact_mut(stride).skip(rows.start + 1).take(rows.len()).zip(rows.clone());
         data.for_each(|(row, v)| self.energy.data_costs(v, label, &mut row[1..=width]));
         // The codes of a pixel and the one below it are kept with the upper pixel, so those of the previous
@@ -181,7 +178,7 @@ impl<'a> Labelling<'a> {
         let runs = &mut self.bands[number].runs;
         runs.clear();
         for v in rows {
-            let row = padding::slot(0, v, width);
+            let row = slot_at(0, v, width);
             let mut start = 0;
             for u in 0..=width {
                 if u == width || self.labels[row + u] == label || !is_free(u, v) {
@@ -197,7 +194,7 @@ impl<'a> Labelling<'a> {
 
     /// Finds the next labels of the first `count` bands, in parallel.
     fn cut_bands(&mut self, label: Label, count: usize) {
-        let stride = padding::stride(self.energy.size()[0]);
+        let stride = stride_of(self.energy.size()[0]);
         let Labelling {
             energy,
             labels,
@@ -253,7 +250,7 @@ impl<'a> Labelling<'a> {
     fn apply_move(&mut self, label: Label, count: usize) {
         let Labelling { energy, labels, next, is_free, changes, match_owners, bands, total, .. } = self;
         let [width, _] = energy.size();
-        let slot_of = |pixel: Pixel| padding::slot(pixel.u, pixel.v, width);
+        let slot_of = |pixel: Pixel| slot_at(pixel.u, pixel.v, width);
         changes.clear();
         for band in &bands[..count] {
             *total += band.change.min(0);
@@ -287,7 +284,7 @@ impl<'a> Labelling<'a> {
     fn take_proposed(&mut self, slot: usize) {
         self.data[slot] = self.proposed_data[slot];
         if let Some(codes) = self.potts_codes.get_mut(slot) {
-            let stride = padding::stride(self.energy.size()[0]);
+            let stride = stride_of(self.energy.size()[0]);
             let code = |slot: usize, arc: usize| self.proposed_potts_codes[slot] >> (2 * arc) & 3;
             // For each arc: the arc and the slot under which the code of the pair was computed.
             let arcs = [(TO_RIGHT, slot), (TO_RIGHT, slot - 1), (TO_BELOW, slot), (TO_BELOW, slot - stride)];

@@ -1,24 +1,233 @@
-//! Expansion moves: any set of pixels may switch to one label, and a minimum cut finds the best set.
+//! Expansion moves: any set of pixels may switch to one label, and a minimum cut finds the best set. They are made until none
+//! lowers the energy.
 //!
 //! | file | what it is |
 //! | --- | --- |
-//! | `padding` | arrays with a border around the image |
-//! | `trials` | the labels that are worth a trial, cell by cell |
-//! | `topology` | the graphs of a move: their nodes and arcs |
-//! | `expansion_move` | a move's costs, before and after |
-//! | `capped_cut`, `unique_cut` | the best move as a minimum cut, for each [`Occlusion`](super::Occlusion) |
-//! | `band` | the rows that one cut moves |
+//! | `expansion_move` | a move's costs, before and after, and its graph |
+//! | `cuts` | the best move as a minimum cut, for each [`Occlusion`] |
 //! | `labelling` | the current labels, and single moves |
-//! | `minimize` | moves until none lowers the energy |
 
-mod band;
-mod capped_cut;
+mod cuts;
 mod expansion_move;
 mod labelling;
-mod minimize;
-mod padding;
-mod topology;
-mod trials;
-mod unique_cut;
+
+use std::ops::Range;
+
+use super::parameters::{Label, OCCLUDED, Occlusion, Pixel};
+use crate::progress::Progress;
+
+use expansion_move::{NO_OWNER, slot_at, slots, stride_of};
 
 pub use labelling::{LabelChange, Labelling};
+
+/// The least height in rows, about, of the bands that an image is split into. Each split costs some energy
+/// and further moves. The bands do not depend on the number of threads, and so neither does the result.
+const MIN_BAND_ROWS: usize = 256;
+
+impl Labelling<'_> {
+    /// Tries `labels` in a random order determined by `seed`, again and again, until none of them lowers the
+    /// energy or at most `sweeps` times. A label is tried again only near pixels where something has changed
+    /// that the outcome depends on.
+    pub fn minimize(&mut self, labels: &[Label], sweeps: usize, seed: u64, progress: &dyn Progress) {
+        let mut order: Vec<Label> = labels.to_vec();
+        fastrand::Rng::with_seed(seed).shuffle(&mut order);
+        let mut trials = Trials::new(self.energy.size(), order.len());
+        for sweep in 1..=sweeps {
+            progress.begin(order.len() as u64, &format!("disparities of sweep {sweep}"));
+            let mut was_any_due = false;
+            for (i, &label) in order.iter().enumerate() {
+                if progress.is_interrupted() {
+                    return;
+                }
+                if let Some(due) = trials.take(i) {
+                    was_any_due = true;
+                    let free = self.affected(&due, label);
+                    let bands = self.split(&free);
+                    self.expand_bands(label, &bands, |u, v| free.contains(u, v));
+                    self.mark_changes(&mut trials, &order);
+                    self.mark_band_borders(&mut trials, i, &free, &bands);
+                    progress.say(&format!("energy {:.0}", self.total() as f64 / f64::from(self.energy.scale())));
+                }
+                progress.advance(1);
+            }
+            if !was_any_due {
+                return;
+            }
+        }
+    }
+
+    /// The cells that may have to change so that pixels of `cells` can take a label: those around them, and
+    /// those of the pixels that own their matches.
+    fn affected(&self, cells: &CellSet, label: Label) -> CellSet {
+        let mut affected = cells.dilated();
+        if self.energy.occlusion_rule() == Occlusion::Unique {
+            let [width, _] = self.energy.size();
+            let stride = stride_of(width);
+            for (pixel, _) in slots(self.energy.size()).filter(|(pixel, _)| cells.contains(pixel.u, pixel.v)) {
+                let matched = self.energy.match_index(self.energy.view(), pixel, label);
+                let owner = matched.map_or(NO_OWNER, |matched| self.match_owners[matched]);
+                if owner != NO_OWNER {
+                    let (row, column) = (owner as usize / stride, owner as usize % stride);
+                    affected.add(column - 1, row - 1);
+                }
+            }
+        }
+        affected
+    }
+
+    /// The bands of rows that some cells are moved in. Unique matches along columns tie all rows together, so
+    /// there is one band.
+    fn split(&self, cells: &CellSet) -> Vec<Range<usize>> {
+        let [_, height] = self.energy.size();
+        let are_rows_tied = self.energy.occlusion_rule() == Occlusion::Unique && !self.energy.view().is_horizontal();
+        let count = if are_rows_tied { 1 } else { (height / MIN_BAND_ROWS).max(1) };
+        cells.bands(height, height.div_ceil(count))
+    }
+
+    /// Makes trials of label number `i` due at the rows between bands, where it was not tried, and at the
+    /// rows below those.
+    fn mark_band_borders(&self, trials: &mut Trials, i: usize, cells: &CellSet, bands: &[Range<usize>]) {
+        let [width, _] = self.energy.size();
+        for border in bands.windows(2).filter(|bands| bands[0].end + 1 == bands[1].start).map(|bands| bands[0].end) {
+            for v in [border, border + 1] {
+                let columns = (0..width).filter(|&u| cells.contains(u, v));
+                columns.for_each(|u| trials.mark(i, Pixel::at(u, v, width)));
+            }
+        }
+    }
+
+    /// Makes trials due after the last move: of all labels at the pixels that changed and their neighbours,
+    /// and of the labels in `order` at which a pixel would compete with one of these for its old or new
+    /// match.
+    fn mark_changes(&self, trials: &mut Trials, order: &[Label]) {
+        let [width, height] = self.energy.size();
+        let view = self.energy.view();
+        let is_unique = self.energy.occlusion_rule() == Occlusion::Unique;
+        let mut cells = trials.empty_set();
+        let mut matches = Vec::new();
+        for &LabelChange { pixel, before } in &self.changes {
+            let Pixel { u, v, .. } = pixel;
+            let near = [(u, v), (u.wrapping_sub(1), v), (u + 1, v), (u, v.wrapping_sub(1)), (u, v + 1)];
+            let near = near.into_iter().filter(|(u, v)| *u < width && *v < height);
+            let near = near.map(|(u, v)| (Pixel::at(u, v, width), self.labels[slot_at(u, v, width)]));
+            for (pixel, label) in near.chain([(pixel, before)]) {
+                cells.add(pixel.u, pixel.v);
+                if is_unique && label != OCCLUDED {
+                    matches.extend(self.energy.match_index(view, pixel, label));
+                }
+            }
+        }
+        (0..order.len()).for_each(|i| trials.mark_cells(i, &cells));
+        matches.sort_unstable();
+        matches.dedup();
+        for matched in matches.into_iter().map(|index| Pixel::new(index, width)) {
+            for (i, label) in order.iter().enumerate() {
+                // The pixel whose match this is at `label`.
+                let rival = self.energy.match_index(view, matched, -label);
+                rival.into_iter().for_each(|rival| trials.mark(i, Pixel::new(rival, width)));
+            }
+        }
+    }
+}
+
+/// Pixels along the side of a cell.
+const CELL_SIDE: usize = 4;
+
+/// The labels that are worth a trial in each cell, a square of 4 x 4 pixels.
+///
+/// After a trial, a label is not worth another one until something changes that the outcome depends on.
+#[derive(Clone, Debug)]
+struct Trials {
+    columns: usize,
+    rows: usize,
+    /// True if a trial is due, for each label and cell.
+    due: Vec<bool>,
+}
+
+/// A set of cells of an image.
+#[derive(Clone, Debug)]
+struct CellSet {
+    columns: usize,
+    rows: usize,
+    cells: Vec<bool>,
+}
+
+impl CellSet {
+    /// Returns true if the cell of a pixel is in the set.
+    #[inline(always)]
+    fn contains(&self, u: usize, v: usize) -> bool {
+        self.cells[v / CELL_SIDE * self.columns + u / CELL_SIDE]
+    }
+
+    /// Adds the cell of a pixel.
+    #[inline(always)]
+    fn add(&mut self, u: usize, v: usize) {
+        self.cells[v / CELL_SIDE * self.columns + u / CELL_SIDE] = true;
+    }
+
+    /// The set together with the eight neighbours of each of its cells.
+    fn dilated(&self) -> CellSet {
+        let CellSet { columns, rows, ref cells } = *self;
+        let around = |cell: usize, count: usize| cell.saturating_sub(1)..(cell + 2).min(count);
+        let is_near = |cell: usize| {
+            around(cell / columns, rows).any(|row| around(cell % columns, columns).any(|column| cells[row * columns + column]))
+        };
+        CellSet { columns, rows, cells: (0..cells.len()).map(is_near).collect() }
+    }
+
+    /// Bands of image rows that cover the set, from top to bottom, with at least one row between any two.
+    ///
+    /// No band is higher than `max_height` and one cell, and two successive bands together are higher than
+    /// `max_height`. Bands that would touch are separated by leaving out the last row of the upper one.
+    fn bands(&self, height: usize, max_height: usize) -> Vec<Range<usize>> {
+        let mut bands: Vec<Range<usize>> = Vec::new();
+        for (row, _) in self.cells.chunks_exact(self.columns).enumerate().filter(|(_, cells)| cells.contains(&true)) {
+            let rows = row * CELL_SIDE..((row + 1) * CELL_SIDE).min(height);
+            match bands.last_mut() {
+                Some(last) if rows.start - last.start < max_height => last.end = rows.end,
+                last => {
+                    last.into_iter().filter(|last| last.end == rows.start).for_each(|last| last.end -= 1);
+                    bands.push(rows);
+                }
+            }
+        }
+        bands
+    }
+}
+
+impl Trials {
+    /// A trial of every label is due everywhere.
+    fn new([width, height]: [usize; 2], labels: usize) -> Trials {
+        let (columns, rows) = (width.div_ceil(CELL_SIDE), height.div_ceil(CELL_SIDE));
+        Trials { columns, rows, due: vec![true; columns * rows * labels] }
+    }
+
+    /// Takes the cells in which a trial of label number `label` is due, or `None` if there are none. It is
+    /// not due there any more.
+    fn take(&mut self, label: usize) -> Option<CellSet> {
+        let Trials { columns, rows, ref mut due } = *self;
+        let due = &mut due[label * columns * rows..][..columns * rows];
+        let cells = due.to_vec();
+        due.fill(false);
+        cells.contains(&true).then_some(CellSet { columns, rows, cells })
+    }
+
+    /// An empty set of cells.
+    fn empty_set(&self) -> CellSet {
+        let Trials { columns, rows, .. } = *self;
+        CellSet { columns, rows, cells: vec![false; columns * rows] }
+    }
+
+    /// Makes a trial of label number `label` due in some cells.
+    fn mark_cells(&mut self, label: usize, set: &CellSet) {
+        let due = &mut self.due[label * self.columns * self.rows..];
+        due.iter_mut().zip(&set.cells).for_each(|(due, cell)| *due |= cell);
+    }
+
+    /// Makes a trial of label number `label` due in the cell of a pixel.
+    #[inline(always)]
+    fn mark(&mut self, label: usize, pixel: Pixel) {
+        let cell = pixel.v / CELL_SIDE * self.columns + pixel.u / CELL_SIDE;
+        self.due[label * self.columns * self.rows + cell] = true;
+    }
+}

@@ -1,0 +1,337 @@
+//! `rig.toml`: the file that describes the images, camera and stage of a captured folder.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use serde::{Deserialize, Serialize};
+
+use super::{frame_files::FrameFiles, input, output};
+use crate::{
+    error::{Error, Result},
+    images::Geometry,
+};
+
+/// The contents of `rig.toml`.
+///
+/// ```toml
+/// baseline_mm = 20.0              # optional: from the centre to each neighbour; depth needs it
+/// focal_px = 1180.5               # optional: depth needs it
+/// principal_point = [319.5, 239.5] # optional: else the middle of the image
+/// doffs = 0.0                     # optional
+/// lens = "camera.toml"            # optional: the calibration of a lens that distorts the images, relative to this folder
+/// mount_rotation_deg = [0.5, -1.0, 0.0]  # optional: how the camera is turned against the axes along which it was moved
+///
+/// [images]                        # relative to this folder; at least one neighbour
+/// center = "center.png"
+/// left = "left.png"
+/// right = "right.png"
+/// bits = 12                       # optional, of 16-bit images: 10, 12, 14 or 16; else the least that has their brightest sample
+///
+/// [images.views]                  # optional: neighbours elsewhere, by their baselines to the right and down
+/// "1,-1" = "top-right.png"
+///
+/// [capture]                       # optional, like each of its lines
+/// camera = "/dev/video0"
+/// stage = "gcode:/dev/ttyUSB0"
+/// date = "2026-03-14"
+/// repeatability_mm = 0.02
+///
+/// # [alignment]                   # written by `align`: what was wrong with the images before
+/// ```
+///
+/// ```no_run
+/// use multiscopic::{Frames, Rig};
+/// # let folder = std::path::Path::new("rig");
+/// let rig = Rig::load(folder)?;
+/// let (frames, center) = Frames::load(&rig.images.within(folder))?;
+/// let geometry = rig.geometry(frames.size());
+/// # Ok::<(), multiscopic::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rig {
+    /// The distance from the centre to each neighbour, in millimetres, if known. Depth needs it.
+    pub baseline_mm: Option<f64>,
+    /// Focal length in pixels, if known. Depth needs it.
+    pub focal_px: Option<f64>,
+    /// The pixel at which the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is at
+    /// `[0, 0]`. `None` for the middle of the image.
+    pub principal_point: Option<[f64; 2]>,
+    /// The negated disparity of a point at infinity, in pixels.
+    #[serde(default)]
+    pub doffs: f64,
+    /// The calibration of the lens, if the images are distorted: any file that [`CameraModel::read`](crate::CameraModel::read)
+    /// reads. A relative path is relative to the folder.
+    pub lens: Option<PathBuf>,
+    /// The rotation of the camera against the axes along which it was moved: an axis, to the right, down and ahead, times an
+    /// angle in degrees. Needs the focal length, unless `lens` has it.
+    pub mount_rotation_deg: Option<[f64; 3]>,
+    /// The image files.
+    pub images: FrameFiles,
+    /// The circumstances in which the images were captured.
+    #[serde(default)]
+    pub capture: Provenance,
+    /// The misalignment of the images before `align` rectified them, if it did.
+    pub alignment: Option<AlignmentRecord>,
+}
+
+impl Rig {
+    /// The name of the file in a captured folder.
+    pub const FILE_NAME: &str = "rig.toml";
+
+    /// Reads the `rig.toml` in `directory`.
+    ///
+    /// # Errors
+    /// [`Error::Read`], or [`Error::Format`] if a key is missing or unknown or a value is out of range. The
+    /// message names the key.
+    pub fn load(directory: &Path) -> Result<Rig> {
+        let path = directory.join(Rig::FILE_NAME);
+        let rig: Rig = input::read_toml(&path, "a rig.toml")?;
+        rig.check(&path)?;
+        Ok(rig)
+    }
+
+    /// Writes `rig.toml` into `directory`.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if a value is out of range, and [`Error::Write`]. Any previous version of the file
+    /// is unchanged.
+    pub fn save(&self, directory: &Path) -> Result<()> {
+        let path = directory.join(Rig::FILE_NAME);
+        self.check(&path)?;
+        output::write_toml(&path, self)
+    }
+
+    /// The geometry that turns the disparities of images of a size into depth, or `None` if the focal length or the baseline
+    /// is unknown.
+    pub fn geometry(&self, size: [usize; 2]) -> Option<Geometry> {
+        let Rig { focal_px, baseline_mm, doffs, .. } = *self;
+        Some(Geometry { focal_px: focal_px?, baseline_mm: baseline_mm?, principal_point: self.principal_point(size), doffs })
+    }
+
+    /// Returns the pixel at which the optical axis meets images of a size.
+    pub fn principal_point(&self, size: [usize; 2]) -> [f64; 2] {
+        self.principal_point.unwrap_or(size.map(|side| (side as f64 - 1.0) / 2.0))
+    }
+
+    fn check(&self, path: &Path) -> Result<()> {
+        let [cx, cy] = self.principal_point.unwrap_or_default();
+        let is_length = |value: f64| value > 0.0 && value <= Geometry::MAX_LENGTH;
+        let length = format!("a length above 0 and at most {}", Geometry::MAX_LENGTH);
+        let numbers = [
+            ("baseline_mm", self.baseline_mm.unwrap_or_default(), self.baseline_mm.is_none_or(is_length), &length[..]),
+            ("focal_px", self.focal_px.unwrap_or_default(), self.focal_px.is_none_or(is_length), &length[..]),
+            ("principal_point", cx, cx.is_finite(), "a finite number"),
+            ("principal_point", cy, cy.is_finite(), "a finite number"),
+            ("doffs", self.doffs, self.doffs.is_finite(), "a finite number"),
+        ];
+        if let Some((key, value, _, expected)) = numbers.into_iter().find(|(_, _, valid, _)| !valid) {
+            return Err(Error::format(path, format!("{key} = {value}"), expected));
+        }
+        if let Some(value) = self.capture.repeatability_mm.filter(|value| !(0.0..f64::INFINITY).contains(value)) {
+            return Err(Error::format(path, format!("capture.repeatability_mm = {value}"), "a length of 0 or more"));
+        }
+        let angles = self.mount_rotation_deg.unwrap_or_default();
+        if let Some(angle) = angles.into_iter().find(|angle| !(-45.0..=45.0).contains(angle)) {
+            return Err(Error::format(path, format!("mount_rotation_deg = {angle}"), "-45 to 45 degrees"));
+        }
+        if self.mount_rotation_deg.is_some() && self.lens.is_none() {
+            if self.focal_px.is_none() {
+                return Err(Error::format(path, "mount_rotation_deg but no focal length", "focal_px or lens as well"));
+            }
+            if self.principal_point.is_none() {
+                return Err(Error::format(path, "mount_rotation_deg but no principal point", "principal_point or lens as well"));
+            }
+        }
+        if self.images.views().is_empty() {
+            return Err(Error::format(path, "no neighbour in [images]", "at least one of left, right, top or bottom"));
+        }
+        Ok(())
+    }
+}
+
+/// The `[alignment]` of a `rig.toml` whose images are rectified: what was wrong with the original ones. It tells people, and
+/// changes nothing about matching.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AlignmentRecord {
+    /// The rotation between the camera and the axes along which the views stand, about the axes to the right, down and ahead,
+    /// in degrees.
+    pub common_rotation_deg: [f64; 3],
+    /// Its standard deviations; NaN for an angle that the views do not determine, as that about a single baseline.
+    pub common_rotation_deviation_deg: [f64; 3],
+    /// The misalignment of each view, by its name.
+    pub views: BTreeMap<String, Residual>,
+}
+
+/// The `[capture]` of a `rig.toml`: how the rig was captured, as far as it is known.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// The camera and its settings.
+    pub camera: Option<String>,
+    /// The stage that moved the camera.
+    pub stage: Option<String>,
+    /// The date of the capture.
+    pub date: Option<String>,
+    /// The error with which the stage returns to a position, in millimetres.
+    pub repeatability_mm: Option<f64>,
+    /// Anything else worth knowing.
+    pub notes: Option<String>,
+}
+
+/// The distance of a view from where it should be, and its rotation. Deviations are standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Residual {
+    /// The median shift of matches across the baseline, in pixels: to the right for views in the centre's column, and down
+    /// for others.
+    pub across_px: f64,
+    /// The rotation of the camera since the centre image, about the axes to the right, down and ahead, in degrees.
+    pub rotation_deg: [f64; 3],
+    /// The deviations of the rotation, in degrees.
+    pub rotation_deviation_deg: [f64; 3],
+    /// The scale of the image relative to the centre.
+    pub scale: f64,
+    /// The deviation of the scale.
+    pub scale_deviation: f64,
+    /// The length of the baseline relative to the mean of all views; 1 if there is only one view.
+    pub baseline_scale: f64,
+    /// The deviation of that length.
+    pub baseline_scale_deviation: f64,
+    /// The error that `baseline_scale` causes at the largest disparity of the search, in pixels.
+    pub baseline_px: f64,
+    /// The angle from where the view should be to where it is, about the optical axis, in degrees; what all views share is
+    /// not part of it.
+    pub direction_deg: f64,
+    /// The deviation of that angle, in degrees.
+    pub direction_deviation_deg: f64,
+    /// The distance of the camera ahead of the plane of the views, in baselines.
+    pub ahead: f64,
+    /// The deviation of that distance.
+    pub ahead_deviation: f64,
+    /// The brightness of the view relative to the centre, as a ratio of grey values.
+    pub gain: f64,
+    /// The number of corners on which the estimate rests.
+    pub points: usize,
+    /// The median epipolar error of the matches, as Sampson (1982) measures it: how far a corner and its match must move,
+    /// together, to be on one epipolar line of an ideal rig, in pixels. It is the distance of the match from the corner across
+    /// the baseline over the square root of 2, as each of them moves half of that way.
+    pub sampson_px: f64,
+    /// The same after rectification.
+    pub rectified_sampson_px: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use multiscopic_core::{Frame, View, Views};
+
+    use super::*;
+
+    const TEXT: &str = r#"
+        baseline_mm = 20
+        focal_px = 1180.5
+        principal_point = [319.5, 239.5]
+        [images]
+        center = "center.png"
+        right = "/data/right.png"
+        [capture]
+        stage = "manual"
+    "#;
+
+    fn load(text: &str) -> Result<Rig> {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("rig.toml"), text).unwrap();
+        Rig::load(dir.path())
+    }
+
+    fn message(from: &str, to: &str) -> String {
+        assert!(TEXT.contains(from));
+        let message = load(&TEXT.replace(from, to)).unwrap_err().to_string();
+        assert!(message.contains("rig.toml: found ") && !message.contains('\n'), "{message}");
+        message
+    }
+
+    #[test]
+    fn loads_a_file_written_by_hand() {
+        let rig = load(TEXT).unwrap();
+        let geometry = Geometry { focal_px: 1180.5, baseline_mm: 20.0, principal_point: [319.5, 239.5], doffs: 0.0 };
+        let size = [640, 480];
+        assert_eq!(rig.geometry(size), Some(geometry));
+        for key in ["focal_px = 1180.5", "baseline_mm = 20"] {
+            assert_eq!(load(&TEXT.replace(key, "")).unwrap().geometry(size), None);
+        }
+        let middle = load(&TEXT.replace("principal_point = [319.5, 239.5]", "")).unwrap();
+        assert_eq!(middle.geometry([800, 600]), Some(Geometry { principal_point: [399.5, 299.5], ..geometry }));
+        assert_eq!(load("images = { center = \"a.png\", left = \"b.png\" }").unwrap().images.views().len(), 1);
+        assert_eq!(rig.images.views(), Views::STEREO);
+        assert_eq!(rig.capture.stage.as_deref(), Some("manual"));
+        let images = rig.images.within(Path::new("rig"));
+        assert!(images.paths().eq(["rig/center.png", "/data/right.png"].map(Path::new)));
+        assert_eq!(images.get(Frame::View(View::TOP)), None);
+    }
+
+    #[test]
+    fn loads_a_file_it_saved() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut rig = load(TEXT).unwrap();
+        rig.doffs = -3.25;
+        rig.lens = Some("camera.toml".into());
+        rig.mount_rotation_deg = Some([0.25, -1.5, 0.0]);
+        rig.images.bottom = Some("bottom.png".into());
+        rig.capture = Provenance {
+            camera: Some("/dev/video0, 640x480".into()),
+            date: Some("2026-03-14".into()),
+            repeatability_mm: Some(0.02),
+            notes: Some("a \"quoted\"\nline".into()),
+            ..Provenance::default()
+        };
+        rig.save(dir.path()).unwrap();
+        assert_eq!(Rig::load(dir.path()).unwrap(), rig);
+        rig.focal_px = Some(0.0);
+        assert!(rig.save(dir.path()).unwrap_err().to_string().contains("found focal_px = 0, expected a length above 0"));
+    }
+
+    #[test]
+    fn the_example_in_the_documentation_loads() {
+        let source = include_str!("rig_file.rs");
+        let (_, rest) = source.split_once("/// ```toml\n").unwrap();
+        let (example, _) = rest.split_once("/// ```\n").unwrap();
+        let rig = load(&example.replace("/// ", "").replace("///", "")).unwrap();
+        assert_eq!(rig.images.views(), Views::HORIZONTAL.with(View::new(1, -1).unwrap()));
+        assert_eq!(rig.capture.repeatability_mm, Some(0.02));
+        assert_eq!(rig.lens.as_deref(), Some(Path::new("camera.toml")));
+    }
+
+    #[test]
+    fn errors_name_the_line_and_the_key() {
+        assert!(message("focal_px", "focal").contains("line 3 (focal = 1180.5): unknown field `focal`"));
+        assert!(message("center = ", "middle = ").contains("unknown field `middle`"));
+        assert!(message("center = \"center.png\"", "").contains("missing field `center`"));
+        assert!(message("stage", "stadium").contains("unknown field `stadium`"));
+        assert!(message("1180.5", "\"long\"").contains("line 3 (focal_px = \"long\"): invalid type"));
+        assert!(message("[319.5, 239.5]", "[1]").contains("line 4 (principal_point"));
+        assert!(message("[images]", "[images").contains("line 5"));
+        assert!(message("20", "0").contains("found baseline_mm = 0, expected a length above 0"));
+        assert!(message("20", "-1").contains("baseline_mm = -1"));
+        assert!(message("1180.5", "inf").contains("focal_px = inf"));
+        assert!(message("239.5", "nan").contains("principal_point = NaN"));
+        assert!(message("focal_px", "doffs = inf\nfocal_px").contains("doffs = inf"));
+        assert!(message("stage = \"manual\"", "repeatability_mm = -1.0").contains("capture.repeatability_mm = -1"));
+        assert!(message("[images]", "mount_rotation_deg = [0.0, 46.0, 0.0]\n[images]").contains("mount_rotation_deg = 46"));
+        let instead_of = |line| message(line, "mount_rotation_deg = [0.0, 4.0, 0.0]");
+        let (no_focal, no_principal) = (instead_of("focal_px = 1180.5"), instead_of("principal_point = [319.5, 239.5]"));
+        assert!(no_focal.contains("mount_rotation_deg but no focal length, expected focal_px or lens"), "{no_focal}");
+        assert!(no_principal.contains("but no principal point, expected principal_point or lens"), "{no_principal}");
+        assert!(message("right = \"/data/right.png\"", "").contains("no neighbour in [images]"));
+    }
+
+    #[test]
+    fn a_folder_without_a_rig() {
+        let dir = tempfile::tempdir().unwrap();
+        let message = Rig::load(dir.path()).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("cannot read {}: ", dir.path().join("rig.toml").display())), "{message}");
+    }
+}

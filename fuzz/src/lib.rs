@@ -2,13 +2,5 @@
 //!
 //! libFuzzer runs them guided by coverage (the program `guided`), and the program `blind` on random changes of seeds: many by
 //! `cargo xtask fuzz --blind`, a few in the tests.
-//!
-//! | module | what it is |
-//! | --- | --- |
-//! | `support` | files that hold an input, and comparisons |
-//! | `small_match` | matches that bytes make |
-//! | [`targets`] | the targets |
 
-mod small_match;
-mod support;
 pub mod targets;

@@ -5,10 +5,6 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `support` | files that hold an input, and comparisons |
-//! | `small_match` | matches that bytes make |
-//! | [`targets`] | the targets |
+//! | [`targets`] | the targets, and what they share |
 
-mod small_match;
-mod support;
 pub mod targets;

@@ -7,22 +7,18 @@
 //! | `interpreter` | errors as Python's exceptions, and long work that leaves the interpreter to other threads |
 //! | `arrays` | numpy arrays as pictures and maps, and back |
 //! | `files` | reading and writing the program's files |
-//! | `evaluation` | error metrics of disparities |
 //! | `options` | the keyword arguments of matching |
-//! | `match_result` | the result of matching, and the camera that depths follow from |
-//! | `capture` | the images of one capture, and matching of them |
-//! | `rig` | captured folders |
+//! | `match_result` | the result of matching, the camera that depths follow from, and error metrics of disparities |
+//! | `capture` | the images of one capture, from arrays or a captured folder, and matching of them |
 //! | `views` | matching, rectification and inspection of arrays |
 //! | `multiscopic` | the module that Python imports |
 
 mod arrays;
 mod capture;
-mod evaluation;
 mod files;
 mod interpreter;
 mod match_result;
 mod options;
-mod rig;
 mod views;
 
 /// Accurate depth from one camera that is moved on purpose: multiscopic matching of numpy arrays.
@@ -35,10 +31,9 @@ mod multiscopic {
 
     #[pymodule_export]
     use crate::{
-        evaluation::evaluate,
+        capture::Rig,
         files::{colorize, read_image, read_pfm, set_max_pixels, write_pfm, write_png},
-        match_result::MatchResult,
-        rig::Rig,
+        match_result::{MatchResult, evaluate},
         views::{align, inspect},
     };
 

@@ -11,11 +11,10 @@ use pyo3::{
 
 use crate::{
     arrays::{self, Bits, ImageArray},
-    capture::{Capture, ViewArrays},
+    capture::{Capture, ViewArrays, frame_offset},
     interpreter,
     match_result::MatchResult,
     options::Options,
-    rig::frame_offset,
 };
 
 /// The smallest disparity and the number of disparities.

@@ -76,7 +76,7 @@ fn files() -> Result<[File; 2]> {
     let subject = |name, is_slow, method| Subject { name, method, is_slow };
     Ok([
         File {
-            path: "core/src/confidence/fitted.rs",
+            path: "core/src/confidence/table.rs",
             subjects: vec![
                 subject("BLOCK_MATCHING", false, Box::new(|_| Method::block_matching(11))),
                 subject(

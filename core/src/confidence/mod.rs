@@ -1,11 +1,7 @@
 //! Confidence: the probability that a disparity is right, from the peak ratio of its costs and from the disparities around it.
 //!
-//! | module | what it is |
-//! | --- | --- |
-//! | `table` | [`ConfidenceTable`]: the probabilities by the peak ratio and by how many pixels around agree |
-//! | `fitted` | the tables of the core's methods |
+//! [`ConfidenceTable`] has the probabilities by the peak ratio and by how many pixels around agree.
 
-mod fitted;
 mod table;
 
 use crate::{

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use super::median_lines::{MatchedLines, copy_to};
+use super::{MatchedLines, copy_to};
 use crate::{
     BlockMatchingParams, Disparity, Frame, MatchError, MemoryTooSmall, ScanlineSource, View, Views, kernel::Portable,
     memory::Lender,

@@ -19,12 +19,10 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `rows` | rings of lines, as they are or with samples of its own for each column |
-//! | `columns` | a stack of samples for each column |
+//! | `storage` | rings of lines, as they are or with samples of its own for each column, and stacks of samples for each column |
 //! | `warped_rows` | a ring of lines of the prior, and one with the samples of each column that its prior foretells |
 
-mod columns;
-mod rows;
+mod storage;
 mod warped_rows;
 
 use core::iter;
@@ -34,9 +32,8 @@ use crate::{
     kernel::Samples,
     memory::{Shape, StackShape},
 };
-use columns::Columns;
-pub(crate) use rows::replicate;
-use rows::{Rows, SpreadRows};
+pub(crate) use storage::replicate;
+use storage::{Columns, Rows, SpreadRows};
 pub(crate) use warped_rows::PriorLines;
 use warped_rows::WarpedRows;
 

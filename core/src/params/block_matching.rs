@@ -1,9 +1,6 @@
 //! The parameters of block matching.
 
-use super::{
-    prior::Prior,
-    search::{ParamsError, SearchConfig, SearchSpace},
-};
+use super::{ParamsError, SearchConfig, SearchSpace, prior::Prior};
 use crate::{Frame, Fusion, View, Views};
 
 /// The parameters of block matching: a [`SearchSpace`] and the size of the block. Every value of this type is

@@ -1,8 +1,8 @@
 //! The parameters of semi-global matching.
 
 use super::{
+    ParamsError, SearchConfig, SearchSpace,
     block_matching::{self, BlockMatchingParams},
-    search::{ParamsError, SearchConfig, SearchSpace},
 };
 use crate::{Frame, Fusion};
 

@@ -1,18 +1,8 @@
 //! The targets: each tries what reads one kind of bytes, or compares one thing with its reference.
 
-mod block_matching;
-mod calibrations;
-mod camera_frames;
-mod confidence;
-mod gcode;
-mod option_values;
-mod packets;
-mod pictures;
-mod rectification;
-mod rigs;
-mod robot_arm;
-mod semi_global;
-mod weights;
+mod comparisons;
+mod devices;
+mod readers;
 
 /// A target.
 #[derive(Clone, Copy, Debug)]
@@ -25,19 +15,19 @@ pub struct Target {
 
 /// Every target, sorted by name.
 pub const ALL: [Target; 13] = [
-    Target { name: "block_matching", run: block_matching::run },
-    Target { name: "calibrations", run: calibrations::run },
-    Target { name: "camera_frames", run: camera_frames::run },
-    Target { name: "confidence", run: confidence::run },
-    Target { name: "gcode", run: gcode::run },
-    Target { name: "option_values", run: option_values::run },
-    Target { name: "packets", run: packets::run },
-    Target { name: "pictures", run: pictures::run },
-    Target { name: "rectification", run: rectification::run },
-    Target { name: "rigs", run: rigs::run },
-    Target { name: "robot_arm", run: robot_arm::run },
-    Target { name: "semi_global", run: semi_global::run },
-    Target { name: "weights", run: weights::run },
+    Target { name: "block_matching", run: comparisons::block_matching },
+    Target { name: "calibrations", run: readers::calibrations },
+    Target { name: "camera_frames", run: devices::camera_frames },
+    Target { name: "confidence", run: comparisons::confidence },
+    Target { name: "gcode", run: devices::gcode },
+    Target { name: "option_values", run: readers::option_values },
+    Target { name: "packets", run: devices::packets },
+    Target { name: "pictures", run: readers::pictures },
+    Target { name: "rectification", run: comparisons::rectification },
+    Target { name: "rigs", run: readers::rigs },
+    Target { name: "robot_arm", run: devices::robot_arm },
+    Target { name: "semi_global", run: comparisons::semi_global },
+    Target { name: "weights", run: readers::weights },
 ];
 
 impl Target {

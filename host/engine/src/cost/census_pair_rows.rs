@@ -2,7 +2,7 @@
 
 use multiscopic_core::{Census, SearchSpace};
 
-use super::{census_rows::CensusRows, census_sampling::CensusSampling, cost_rows::CostRows};
+use super::{CensusRows, CostRows, census_image::CensusSampling};
 use crate::{engine::Engine, planes::Planes};
 
 /// The fused costs of a centre and its views: the means of two fused Hamming distances of their descriptors, rounded down.

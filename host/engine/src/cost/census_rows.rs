@@ -8,10 +8,8 @@ use multiscopic_core::{
 };
 
 use super::{
-    census_image::{CensusImage, LineShape, Orientation},
-    census_sampling::CensusSampling,
-    cost_rows::{Cost, CostRows},
-    matches::RowMatches,
+    Cost, CostRows, RowMatches,
+    census_image::{CensusImage, CensusSampling, LineShape, Orientation},
 };
 use crate::{
     engine::Engine,

@@ -3,7 +3,7 @@
 use multiscopic_core::{BlockMatchingParams, Matcher, Memory, Region, SearchSpace, SemiGlobalCost, kernel::Kernel};
 use rayon::prelude::*;
 
-use super::{cost_rows::CostRows, volume::Volume};
+use super::{CostRows, Volume};
 use crate::{engine::Engine, error::EngineError, planes::Planes, simd::Task};
 
 /// The fused costs of a centre and its views: sums over blocks as [`SemiGlobalCost::Sad`] scales them. A byte

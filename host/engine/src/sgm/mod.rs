@@ -8,20 +8,13 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `parameters` | the parameters |
-//! | `path_block` | the paths of a few columns, as a row sends them to the next |
-//! | `row_sweep` | the paths through a row |
+//! | `row_sweep` | the paths through a row, and those of a few columns, as a row sends them to the next |
 //! | `wavefront` | a pass over the rows, on several threads |
 
-mod parameters;
-mod path_block;
 mod row_sweep;
 mod wavefront;
 
-pub use parameters::{Paths, SemiGlobal};
-
-use row_sweep::{Pass, RowTask};
-use wavefront::Wavefront;
+use multiscopic_core::{PathPenalties, SemiGlobalCost};
 
 use crate::{
     cost::{CostRows, Volume},
@@ -30,18 +23,27 @@ use crate::{
     progress::Progress,
     raster::Raster,
 };
+use row_sweep::{Pass, RowTask};
+use wavefront::Wavefront;
 
-impl Paths {
-    /// The passes over the image that go along these paths.
-    fn passes(self) -> Vec<Pass> {
-        let diagonals = self != Paths::Four;
-        let down = Pass { upwards: false, along_rows: true, diagonals };
-        let up = Pass { upwards: true, along_rows: false, diagonals };
-        if self == Paths::Five { vec![down] } else { vec![down, up] }
-    }
+/// Semi-global matching: its paths and their penalties. Every value of this type is valid.
+///
+/// Start from [`default_for`](SemiGlobal::default_for) with the cost and the number of views. Then call
+/// [`optimize`](SemiGlobal::optimize) with fused [costs](CostRows) to select disparities.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SemiGlobal {
+    /// The sides that paths come from.
+    pub paths: Paths,
+    /// The penalties for changes of disparity along the paths, in units of the matching cost, whatever the fusion.
+    pub penalties: PathPenalties,
 }
 
 impl SemiGlobal {
+    /// Five paths, and the penalties that suit a cost, fused over a number of views.
+    pub fn default_for(cost: SemiGlobalCost, views: usize) -> SemiGlobal {
+        SemiGlobal { paths: Paths::default(), penalties: cost.default_penalties(views) }
+    }
+
     /// Sums the costs of `rows` along the paths and selects the disparities of least sum. The edges of the image `center` lower
     /// P2.
     /// `peaks` receives the peak ratios, if it is given. If `keep_sums` is set, the sums are returned too: a volume of two bytes
@@ -90,5 +92,39 @@ impl SemiGlobal {
             wavefront.run(pass, rows, engine);
         }
         (map, sums.filter(|_| keep_sums))
+    }
+}
+
+/// The sides that paths come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Paths {
+    /// Left, right, top and bottom, in two passes.
+    Four,
+    /// Left, right, and from the top straight and along both diagonals, in one pass. These are the core's.
+    #[default]
+    Five,
+    /// All eight sides, in two passes.
+    Eight,
+}
+
+impl Paths {
+    /// All sets of paths.
+    pub const ALL: [Paths; 3] = [Paths::Four, Paths::Five, Paths::Eight];
+
+    /// The number of paths.
+    pub const fn count(self) -> usize {
+        match self {
+            Paths::Four => 4,
+            Paths::Five => 5,
+            Paths::Eight => 8,
+        }
+    }
+
+    /// The passes over the image that go along these paths.
+    fn passes(self) -> Vec<Pass> {
+        let diagonals = self != Paths::Four;
+        let down = Pass { upwards: false, along_rows: true, diagonals };
+        let up = Pass { upwards: true, along_rows: false, diagonals };
+        if self == Paths::Five { vec![down] } else { vec![down, up] }
     }
 }

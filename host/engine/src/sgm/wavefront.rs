@@ -16,10 +16,7 @@ use std::{
 
 use multiscopic_core::kernel::{Kernel, LinePath, Slot};
 
-use super::{
-    path_block::{COLUMNS, PathBlock},
-    row_sweep::{MOST_VECTORS, Pass, RowSweep, RowTask},
-};
+use super::row_sweep::{COLUMNS, MOST_VECTORS, Pass, PathBlock, RowSweep, RowTask};
 use crate::{cost::CostRows, engine::Engine, progress::Progress, simd::Task};
 
 /// The rows of a strip, at most. The paths of one in as many go to another thread. Those of the others stay in the

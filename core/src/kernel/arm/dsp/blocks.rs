@@ -4,8 +4,8 @@
 use core::arch::asm;
 
 use super::{
+    Dsp,
     fuse::{self, Costs},
-    isa::Dsp,
     slide,
     vector::{U16x8, U32x8},
 };

@@ -2,10 +2,10 @@
 #![allow(unsafe_code)]
 
 use super::{
+    Dsp,
     blocks::{are_four, slide_to_min},
     fuse::Costs,
     instruction::{splat, words},
-    isa::Dsp,
     pixel, runs,
     vector::U8x8,
 };

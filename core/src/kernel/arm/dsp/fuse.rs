@@ -4,7 +4,7 @@
 //! in each half of a word; any word if `LEAST` is not set.
 #![allow(unsafe_code)]
 
-use super::isa::VECTOR;
+use super::VECTOR;
 
 /// A vector of 16-bit costs.
 pub(super) type Costs = [u32; 4];

@@ -1,10 +1,7 @@
 //! Column sums move down, and blocks slide, in the DSP extension.
 #![allow(unsafe_code)]
 
-use super::{
-    instruction::splat,
-    isa::{Dsp, VECTOR},
-};
+use super::{Dsp, VECTOR, instruction::splat};
 use crate::kernel::steps::{RawStep, Track};
 
 /// Half a vector of [`slide`]: adds four differences that enter and subtracts four that leave.

@@ -3,11 +3,7 @@
 
 use core::arch::asm;
 
-use super::{
-    fuse,
-    isa::{Mve, TWIN},
-    slide, slide_to_min,
-};
+use super::{Mve, TWIN, fuse, slide};
 use crate::kernel::{
     blocks::{Blocks, fuse_loop, fuse_masked_loop},
     rule::Rule,
@@ -123,10 +119,10 @@ impl Blocks<u16> for Mve {
         masks: &[[[u16; 8]; V]],
         fused: &mut [[u16; 8]],
     ) -> u16 {
-        if const { V == 4 } && slide_to_min::suits(rule, steps, blocks, masks) && fused.len() == 4 {
+        if const { V == 4 } && slide::suits(rule, steps, blocks, masks) && fused.len() == 4 {
             let Some(step) = steps.next_raw() else { return u16::MAX };
             // SAFETY: there are four views, and four vectors of each.
-            return unsafe { by_mask!(masked, slide_to_min::slide_to_min(step, blocks, masks, fused)) };
+            return unsafe { by_mask!(masked, slide::slide_to_min(step, blocks, masks, fused)) };
         }
         slide_along(steps, blocks);
         self.fuse_masked(rule, masked, blocks, masks, fused)

@@ -2,9 +2,9 @@
 #![allow(unsafe_code)]
 
 use super::{
-    isa::{Mve, TWIN},
+    Mve, TWIN,
     pixel::{self, AT_ONCE, MOST_PATHS},
-    runs, slide_to_min,
+    runs, slide,
 };
 use crate::{
     Fusion,
@@ -96,14 +96,14 @@ impl PixelLoops for Mve {
         fused: &mut [[u16; 8]],
         quotients: &mut [u8],
     ) {
-        let suits = slide_to_min::suits(rule, steps, blocks, masks) && !divisor.by_three;
+        let suits = slide::suits(rule, steps, blocks, masks) && !divisor.by_three;
         if const { V != 4 } || !suits || quotients.len() != 32 {
             Blocks::<u16>::slide_and_fuse(self, rule, masked, steps, blocks, masks, fused);
             return self.divide(divisor, fused, quotients);
         }
         let Some(step) = steps.next_raw() else { return };
         // SAFETY: there are four views, four vectors of each, and 32 quotients.
-        unsafe { by_mask!(masked, slide_to_min::slide_to_quotients(step, blocks, masks, divisor.shift, quotients)) }
+        unsafe { by_mask!(masked, slide::slide_to_quotients(step, blocks, masks, divisor.shift, quotients)) }
     }
 
     #[inline(always)]

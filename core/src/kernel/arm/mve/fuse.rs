@@ -1,7 +1,7 @@
 //! Fused costs in MVE, with the least of all.
 #![allow(unsafe_code)]
 
-use super::isa::VECTOR;
+use super::VECTOR;
 
 /// [`asm_up_to!`] for a loop over the blocks of a pixel, with the operands that all of them have: `{n}` blocks from `{block}`
 /// on, their masks from `{mask}` on, the costs to be written from `{fused}` on, and the `{least}` of them. Those of one

@@ -2,7 +2,7 @@
 #![allow(unsafe_code)]
 
 use super::{
-    isa::Mve,
+    Mve,
     pixel::{self, AT_ONCE, MOST_PATHS},
 };
 use crate::kernel::bytes::{BackwardRun, ForwardRun, PixelPaths, Slot, backward_loop, forward_loop};

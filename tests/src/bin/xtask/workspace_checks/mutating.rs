@@ -40,7 +40,7 @@ const PARTS: [Part; 6] = [
         files: &["core/src/capture/**"],
         excluded: &[],
         tests: &["--lib", "--test=capture"],
-        words: &["error::", "path::", "sequence::"],
+        words: &["capture::tests::", "path::", "sequence::"],
     },
     Part {
         name: "selection",
@@ -66,7 +66,8 @@ const PARTS: [Part; 6] = [
             "core/src/{fusion,region}.rs",
             "core/src/matcher/selection.rs",
             "core/src/{capture,network,semi_global}/**",
-            "core/src/kernel/{aarch64,arm,bytes}/**",
+            "core/src/kernel/aarch64.rs",
+            "core/src/kernel/{arm,bytes}/**",
         ],
         tests: &["--lib", "--test=matching", "--test=rectified_lines"],
         words: &[],

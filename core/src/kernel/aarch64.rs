@@ -1,4 +1,4 @@
-//! NEON.
+//! NEON: the vector instructions of 64-bit Arm.
 //!
 //! SAFETY contract of every unsafe block in this module: its instructions exist, since the module is only
 //! compiled where every processor of the target has NEON. Every load and store goes through a slice that

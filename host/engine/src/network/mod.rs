@@ -10,6 +10,7 @@
 //! | [`Inputs`] | the inputs of the network: the results of both passes, and the costs |
 //! | [`DotProducts`] | sums of products of bytes, with the vector instructions for them |
 //! | [`QuantizedLayer`] | a layer of the network |
+//! | [`FloatLayer`] | a layer of other networks, in floats |
 //! | [`Activations`], `operations` | the values between layers, and the operations on them |
 //! | `block_disparities` | the disparities of blocks, by the costs |
 //! | `look` | the result of one look at the inputs, and the combination of two |
@@ -21,6 +22,7 @@ mod bands;
 mod block_disparities;
 mod disparity_network;
 mod dot_products;
+mod float_layer;
 mod inputs;
 mod look;
 mod operations;
@@ -30,5 +32,6 @@ pub use activations::Activations;
 pub use bands::Bands;
 pub use disparity_network::DisparityNetwork;
 pub use dot_products::DotProducts;
+pub use float_layer::{Activation, FloatLayer};
 pub use inputs::Inputs;
 pub use quantized_layer::{QuantizedLayer, Runs};

@@ -1,4 +1,4 @@
-//! Sums of products of bytes, with the vector instructions for them.
+//! Sums of products of bytes, and of floats, with the vector instructions for them.
 //!
 //! A *panel* computes the sums of 8 or 16 outputs together. In each step it adds the products of 4 inputs with their
 //! weights to each output. Inputs are at most 127, so that all instructions give the same sums: two products never
@@ -11,10 +11,12 @@
 //! | `avx2_panel` | AVX2: products in 16 bits, added in pairs twice |
 //! | `vnni_panel` | AVX-512 with VNNI: one instruction for a step |
 //! | `neon_panel` | Neon: widening products |
+//! | `float_sums` | plain Rust, compiled for each set of instructions |
 #![allow(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
 mod avx2_panel;
+mod float_sums;
 #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
 mod neon_panel;
 mod panel;
@@ -24,6 +26,7 @@ mod vnni_panel;
 
 use std::fmt;
 
+pub(super) use float_sums::{FloatSums, FloatTask};
 pub(super) use panel::{PANEL, Panel, PanelTask, WeightLine};
 use plain_panel::PlainPanel;
 

@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use multiscopic_core::{Frame, SearchSpace, View};
+use multiscopic_engine::network::FloatLayer;
 use rayon::prelude::*;
 
 use super::{
     Features, Input, Network,
-    layer::{Layer, PANEL},
     network::{Comparison, Connected},
     weights::HIDDEN,
 };
@@ -199,7 +199,7 @@ impl ViewCosts<'_> {
         let (du, dv) = self.view.shift(1);
         let (sign, least, depth) = (du + dv, self.min_disparity, self.num_disparities as i32);
         let matched: Vec<&[f32]> = (0..count).map(matched).collect();
-        let layer = Layer::new(channels, &vec![0.0; count], |channel, i| matched[i][channel]);
+        let layer = FloatLayer::new(1, channels, &vec![0.0; count], |channel, i| matched[i][channel]);
         // The index in `matched` of a pixel's match at the smallest disparity. The others follow in the
         // direction of `sign`.
         let first_match = |pixel: usize| pixel as i32 + sign * least - offset;
@@ -208,11 +208,11 @@ impl ViewCosts<'_> {
             let from = first_match(pixels.start) + reach.min(0);
             let to = first_match(pixels.end - 1) + reach.max(0) + 1;
             let [from, to] = [from, to].map(|index| index.clamp(0, count as i32) as usize);
-            if from < to { from / PANEL..to.div_ceil(PANEL) } else { 0..0 }
+            if from < to { from / FloatLayer::PANEL..to.div_ceil(FloatLayer::PANEL) } else { 0..0 }
         };
-        layer.products::<1, 64>([center], center.len() / channels, panels, |pixel, first, products| {
+        layer.products(&[center], center.len() / channels, &panels, &mut |pixel, first, products| {
             let out = &mut out[pixel * stride..][..depth as usize];
-            let products = &products[..PANEL.min(count - first)];
+            let products = &products[..FloatLayer::PANEL.min(count - first)];
             // The candidate that the first product belongs to. By `sign`, the next product belongs to the
             // next or the previous one.
             let candidate = sign * (first as i32 - first_match(pixel));

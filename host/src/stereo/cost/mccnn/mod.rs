@@ -22,7 +22,6 @@ pub mod checkpoint;
 mod costs;
 mod features;
 mod fused;
-mod layer;
 mod network;
 pub mod package;
 mod pickle;

@@ -3,13 +3,10 @@
 use std::{array, ops::Range};
 
 use image::GrayImage;
+use multiscopic_engine::network::{Activation, FloatLayer};
 use rayon::prelude::*;
 
-use super::{
-    Architecture, Features, Weights,
-    layer::{Activation, Layer},
-    weights::HIDDEN,
-};
+use super::{Architecture, Features, Weights, weights::HIDDEN};
 use crate::{error::Result, images::Raster};
 
 /// The radius of the receptive field of features, in pixels.
@@ -78,7 +75,7 @@ impl Input {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     architecture: Architecture,
-    convolutions: [Layer; 5],
+    convolutions: [FloatLayer; 5],
     comparison: Comparison,
 }
 
@@ -101,10 +98,10 @@ pub(super) enum Comparison {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Connected {
     /// The part of the first layer for the first pixel of a pair, without a bias.
-    first: Layer,
+    first: FloatLayer,
     /// The part of the first layer for the second pixel.
-    second: Layer,
-    hidden: [Layer; 2],
+    second: FloatLayer,
+    hidden: [FloatLayer; 2],
     weights: Vec<f32>,
     bias: f32,
 }
@@ -125,7 +122,7 @@ impl Network {
             let channels = if i == 0 { 1 } else { architecture.channels() };
             let (values, biases) = weights.layer(&format!("conv_blocks.{}", 2 * i));
             // In the file, a channel's 9 pixels are side by side; in an image, a pixel's channels.
-            Layer::new(9 * channels, biases, |input, output| {
+            FloatLayer::new(3, channels, biases, |input, output| {
                 let (pixel, channel) = (input / channels, input % channels);
                 values[(output * channels + channel) * 9 + pixel]
             })
@@ -166,7 +163,7 @@ impl Network {
                 let mut sums = vec![0.0; HIDDEN * input.width];
                 for (features, out) in pixels {
                     for (layer, start) in [(&connected.first, 0), (&connected.second, HIDDEN)] {
-                        layer.apply::<1, { Connected::CHANNELS }>([features], input.width, Activation::Linear, &mut sums);
+                        layer.apply(&[features], input.width, Activation::Linear, &mut sums);
                         let both = out.chunks_exact_mut(2 * HIDDEN).zip(sums.chunks_exact(HIDDEN));
                         both.for_each(|(out, sums)| out[start..][..HIDDEN].copy_from_slice(sums));
                     }
@@ -190,43 +187,40 @@ impl Network {
         values.par_chunks_mut(band * input.width * channels).enumerate().for_each(|(i, out)| {
             let start = rows.start + i * band;
             let band = start..rows.end.min(start + band);
-            let features = match self.architecture {
-                Architecture::Fast => self.convolve::<64>(input, band),
-                Architecture::Accurate => self.convolve::<112>(input, band),
-            };
-            finish(features, out);
+            finish(self.convolve(input, band), out);
         });
         Features::new(input.width, channels, rows, values)
     }
 
     /// The features of `rows`, pixel by pixel.
-    fn convolve<const CHANNELS: usize>(&self, input: &Input, rows: Range<usize>) -> Vec<f32> {
+    fn convolve(&self, input: &Input, rows: Range<usize>) -> Vec<f32> {
+        let channels = self.architecture.channels();
         let [first, deeper @ ..] = &self.convolutions;
         // Each convolution shrinks the image by a pixel on each side.
         let (mut width, mut height) = (input.width + 2 * BORDER - 2, rows.len() + 2 * BORDER - 2);
-        let mut values = vec![0.0; height * width * CHANNELS];
-        for (y, out) in values.chunks_exact_mut(width * CHANNELS).enumerate() {
-            let inputs = array::from_fn(|i| input.row(rows.start + y + i));
-            first.apply::<3, 1>(inputs, width, Activation::Relu, out);
+        let mut values = vec![0.0; height * width * channels];
+        for (y, out) in values.chunks_exact_mut(width * channels).enumerate() {
+            let inputs: [_; 3] = array::from_fn(|i| input.row(rows.start + y + i));
+            first.apply(&inputs, width, Activation::Relu, out);
         }
 
-        let mut line = vec![0.0; width * CHANNELS];
+        let mut line = vec![0.0; width * channels];
         for (i, layer) in deeper.iter().enumerate() {
             let last = i + 1 == deeper.len() && self.architecture == Architecture::Fast;
             let activation = if last { Activation::Linear } else { Activation::Relu };
-            let before = width * CHANNELS;
+            let before = width * channels;
             (width, height) = (width - 2, height - 2);
-            let out = &mut line[..width * CHANNELS];
+            let out = &mut line[..width * channels];
             for y in 0..height {
-                let inputs = array::from_fn(|i| &values[(y + i) * before..][..before]);
-                layer.apply::<3, CHANNELS>(inputs, width, activation, out);
+                let inputs: [_; 3] = array::from_fn(|i| &values[(y + i) * before..][..before]);
+                layer.apply(&inputs, width, activation, out);
                 // The output overwrites input rows that later outputs do not need.
                 values[y * out.len()..][..out.len()].copy_from_slice(out);
             }
         }
-        values.truncate(height * width * CHANNELS);
+        values.truncate(height * width * channels);
         if self.architecture == Architecture::Fast {
-            values.chunks_exact_mut(CHANNELS).for_each(normalize);
+            values.chunks_exact_mut(channels).for_each(normalize);
         }
         values
     }
@@ -240,11 +234,11 @@ impl Connected {
         let half = |first: usize| {
             let (values, biases) = weights.layer("fl_blocks.0");
             let biases = if first == 0 { &[0.0; HIDDEN] } else { biases };
-            Layer::new(Self::CHANNELS, biases, |input, output| values[output * 2 * Self::CHANNELS + first + input])
+            FloatLayer::new(1, Self::CHANNELS, biases, |input, output| values[output * 2 * Self::CHANNELS + first + input])
         };
         let hidden = |name: &str| {
             let (values, biases) = weights.layer(name);
-            Layer::new(HIDDEN, biases, |input, output| values[output * HIDDEN + input])
+            FloatLayer::new(1, HIDDEN, biases, |input, output| values[output * HIDDEN + input])
         };
         let (values, bias) = weights.layer("fl_blocks.6");
         Connected {
@@ -261,8 +255,8 @@ impl Connected {
     pub fn similarities(&self, pairs: &mut [f32], spare: &mut [f32], mut take: impl FnMut(usize, f32)) {
         let count = pairs.len() / HIDDEN;
         let [first, second] = &self.hidden;
-        first.apply::<1, HIDDEN>([pairs], count, Activation::Relu, spare);
-        second.apply::<1, HIDDEN>([spare], count, Activation::Relu, pairs);
+        first.apply(&[pairs], count, Activation::Relu, spare);
+        second.apply(&[spare], count, Activation::Relu, pairs);
         for (pair, values) in pairs.chunks_exact(HIDDEN).enumerate() {
             let score = dot(values, &self.weights) + self.bias;
             take(pair, 1.0 / (1.0 + (-score).exp()));

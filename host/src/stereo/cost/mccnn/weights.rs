@@ -7,7 +7,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use etcetera::BaseStrategy;
 use safetensors::{Dtype, SafeTensorError, SafeTensors, View};
 
 use crate::{
@@ -94,7 +93,7 @@ pub struct Weights {
 
 impl Weights {
     /// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, else `multiscopic` in the user's folder for caches
-    /// (`$XDG_CACHE_HOME`, `~/.cache`).
+    /// (`$XDG_CACHE_HOME` or `~/.cache`; on Windows, `%LOCALAPPDATA%`).
     ///
     /// # Errors
     /// If the user has no home.
@@ -102,10 +101,11 @@ impl Weights {
         if let Some(folder) = env::var_os("MULTISCOPIC_WEIGHTS").filter(|folder| !folder.is_empty()) {
             return Ok(folder.into());
         }
-        let strategy = etcetera::choose_base_strategy().map_err(|error| {
-            Error::Usage(format!("there is no folder for weights ({error}), set HOME or MULTISCOPIC_WEIGHTS"))
-        })?;
-        Ok(strategy.cache_dir().join("multiscopic"))
+        let home = env::home_dir()
+            .ok_or_else(|| Error::Usage("there is no folder for weights: set HOME or MULTISCOPIC_WEIGHTS".into()))?;
+        let (variable, usual) = if cfg!(windows) { ("LOCALAPPDATA", "AppData/Local") } else { ("XDG_CACHE_HOME", ".cache") };
+        let caches = env::var_os(variable).map(PathBuf::from).filter(|folder| folder.is_absolute());
+        Ok(caches.unwrap_or_else(|| home.join(usual)).join("multiscopic"))
     }
 
     /// The file in `folder` for the weights of a network.

@@ -1,6 +1,7 @@
-//! Runs firmware in the emulator.
+//! Runs firmware in the emulator, and decodes its log.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
+use defmt_decoder::{DecodeError, Table};
 use std::{
     fs::{self, File},
     path::{Path, PathBuf},
@@ -8,10 +9,7 @@ use std::{
     time::Duration,
 };
 
-use crate::{
-    emulation::{emulated_board::EmulatedBoard, log},
-    system::process::exit_code_within,
-};
+use crate::{emulation::emulated_board::EmulatedBoard, system::process::exit_code_within};
 
 /// The time limit of a run. Only a hung one reaches it.
 const LIMIT: Duration = Duration::from_secs(900);
@@ -72,7 +70,7 @@ impl Running<'_> {
     pub fn end(mut self, limit: Duration) -> Result<Exit> {
         let code = exit_code_within(&mut self.emulator, limit);
         let code = code.with_context(|| format!("the firmware on {}", self.board.name))?;
-        let mut lines = log::decode(self.image, &fs::read(&self.log)?)?;
+        let mut lines = decoded_log(self.image, &fs::read(&self.log)?)?;
         lines.extend(String::from_utf8_lossy(&fs::read(&self.text)?).lines().map(str::to_owned));
         Ok(Exit { code, output: lines.join("\n") })
     }
@@ -82,5 +80,25 @@ impl Drop for Running<'_> {
     fn drop(&mut self) {
         let _ = self.emulator.kill();
         let _ = self.emulator.wait();
+    }
+}
+
+/// Decodes `bytes`, the log of the firmware in `image`, into lines.
+fn decoded_log(image: &Path, bytes: &[u8]) -> Result<Vec<String>> {
+    let elf = fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
+    let Some(table) = Table::parse(&elf)? else { return Ok(Vec::new()) };
+    let mut decoder = table.new_stream_decoder();
+    decoder.received(bytes);
+    let mut lines = Vec::new();
+    loop {
+        match decoder.decode() {
+            Ok(frame) => {
+                let level = frame.level().map_or("print", |level| level.as_str());
+                let time = frame.display_timestamp().map(|time| format!("{time} s ")).unwrap_or_default();
+                lines.push(format!("{time}{level}: {}", frame.display_message()));
+            }
+            Err(DecodeError::UnexpectedEof) => return Ok(lines),
+            Err(DecodeError::Malformed) => bail!("the log of {} is damaged after {} lines", image.display(), lines.len()),
+        }
     }
 }

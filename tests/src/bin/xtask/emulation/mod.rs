@@ -1,11 +1,8 @@
 //! Emulated boards: builds firmware for them, runs and measures it.
 
-pub mod block_trace;
 pub mod build;
 pub mod counter;
 pub mod debugger;
 pub mod emulated_board;
 pub mod emulator;
-pub mod footprint;
-pub mod log;
 pub mod setup;

@@ -22,7 +22,7 @@ use crate::{
         emulator::{self, Exit},
     },
     firmware_checks::{image_set::ImageSet, received},
-    system::{folders, free_ports, workers},
+    system::{folders, free_ports, in_parallel},
     tools::toolchain::Toolchain,
 };
 
@@ -114,7 +114,7 @@ impl BitFlips {
         target.without_flips()?;
         target.stuck()?;
         let seeds: Vec<u64> = (0..self.count as u64).map(|n| self.seed.wrapping_add(n << 32)).collect();
-        let effects = workers::map(&seeds, |&seed| target.flip(seed).with_context(|| format!("a flip of seed {seed:#x}")))?;
+        let effects = in_parallel(&seeds, |&seed| target.flip(seed).with_context(|| format!("a flip of seed {seed:#x}")))?;
         let mut tally = BTreeMap::<Part, BTreeMap<Effect, usize>>::new();
         for (part, effect) in effects {
             *tally.entry(part).or_default().entry(effect).or_default() += 1;
@@ -180,7 +180,7 @@ impl<'a> Target<'a> {
     fn flip(&self, seed: u64) -> Result<(Part, Effect)> {
         let mut random = Random(seed);
         let folder = self.folder(&format!("{seed:x}"))?;
-        let [port] = free_ports::find()?;
+        let [port] = free_ports()?;
         let address = format!("tcp:127.0.0.1:{port}");
         let options = [&CLOCK[..], &["-S", "-gdb", &address]].concat();
         let running = emulator::start(BOARD, self.image, &[""], &folder, &options)?;

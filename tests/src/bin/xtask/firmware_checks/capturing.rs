@@ -12,7 +12,7 @@ use crate::{
         emulator,
     },
     firmware_checks::{image_set::ImageSet, received},
-    system::{folders, workers},
+    system::{folders, in_parallel},
     tools::toolchain::Toolchain,
 };
 
@@ -90,7 +90,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     let whole = images.iter().map(|(board, image)| Run { board, image, case: WHOLE });
     let faults = images.iter().take(1).flat_map(|(board, image)| FAULTS.map(|case| Run { board, image, case }));
     let runs: Vec<_> = whole.chain(faults).collect();
-    let messages = workers::map(&runs, |run| run.check(&set, &expected).with_context(|| format!("capture: {}", run.name())))?;
+    let messages = in_parallel(&runs, |run| run.check(&set, &expected).with_context(|| format!("capture: {}", run.name())))?;
     for (run, message) in runs.iter().zip(messages) {
         println!("capture: {}: {message}", run.name());
     }

@@ -17,17 +17,15 @@ use std::{
 use crate::{
     counts::{self, Counts},
     emulation::{
-        build::{self, Program},
+        build::{self, Footprint, Program},
         counter::{Counter, Instructions},
         emulated_board::{self, EmulatedBoard},
         emulator,
-        footprint::Footprint,
     },
     firmware_checks::{image_set::ImageSet, price_fit, received, rectifying},
     system::{
-        folders,
+        folders, in_parallel,
         process::{command, read},
-        workers,
     },
     tools::toolchain::Toolchain,
 };
@@ -193,7 +191,7 @@ fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     let mut table = if selection.fit { fitted(toolchain, selection, &counter)? } else { MEASURED.clone() };
     let runs = build(toolchain, selection)?;
     ensure!(!runs.is_empty(), "no selected board has enough RAM for a selected profile");
-    let mut measurements = workers::map(&runs, |run| {
+    let mut measurements = in_parallel(&runs, |run| {
         let measurement = run.measure(&counter).with_context(|| format!("edge: {}", run.name()))?;
         println!("edge: {}: identical to this machine on {}", run.name(), measurement.images);
         Ok(measurement)

@@ -20,14 +20,13 @@ use std::{
 use crate::{
     counts::{self, Counts},
     emulation::{
-        build::{self, Program},
+        build::{self, Footprint, Program},
         counter::{Counter, Instructions},
         emulated_board::EmulatedBoard,
         emulator,
-        footprint::Footprint,
     },
     firmware_checks::{distorted_set::DistortedSet, received},
-    system::{folders, workers},
+    system::{folders, in_parallel},
     tools::toolchain::Toolchain,
 };
 
@@ -91,7 +90,7 @@ pub fn run(toolchain: &Toolchain, boards: &[&'static EmulatedBoard], update: boo
         let ways = Way::ALL.into_iter().zip(&expected);
         runs.extend(ways.map(|(way, expected)| Run { board, image: image.clone(), way, expected }));
     }
-    let measurements = workers::map(&runs, |run| run.measure(&counter).with_context(|| format!("edge: {}", run.name())))?;
+    let measurements = in_parallel(&runs, |run| run.measure(&counter).with_context(|| format!("edge: {}", run.name())))?;
     let [lines, displacements] = set.bytes()?;
     let mut counts = Counts::new();
     for (pair, measured) in runs.chunks_exact(2).zip(measurements.chunks_exact(2)) {

@@ -6,8 +6,8 @@ use std::env::consts::ARCH;
 
 use crate::{
     machine::{
+        Machine,
         linux::{self, Linux},
-        virtual_machine::Machine,
     },
     system::{
         folders,

@@ -362,7 +362,7 @@ fn loopback_formats() -> Outcome {
         };
         formats.push(format.name());
         let mut camera = open(device, &CameraSettings { format: Some(format), size: None, ..quick() })?;
-        let expected = |frame: &[u8]| GrayImage::from_raw(64, 48, luma::gray(&layout, frame)).ok_or("64x48 pixels");
+        let expected = |frame: &[u8]| GrayImage::from_raw(64, 48, luma(&layout, frame)).ok_or("64x48 pixels");
         same(&frame(&mut camera)?, &expected(&fed)?)?;
         for seed in 2..5 {
             let fed = random_frame(&layout, seed);

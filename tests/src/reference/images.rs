@@ -75,8 +75,8 @@ pub struct RectifiedImage {
     pub lines: Vec<BTreeSet<usize>>,
 }
 
-/// Rectifies `image`, which has lines of `width` pixels and goes on for ever beyond its borders, in wide integers: by displacements
-/// in 1/64 pixel to the right and down, given at every `spacing`-th pixel.
+/// Rectifies `image`, which has lines of `width` pixels and goes on for ever beyond its borders, in wide integers: by
+/// displacements in 1/64 pixel to the right and down, given at every `spacing`-th pixel.
 pub fn rectify(image: &[u8], width: usize, spacing: usize, nodes: &[(i16, i16)]) -> RectifiedImage {
     let height = image.len() / width;
     let columns = width.div_ceil(spacing) + 1;

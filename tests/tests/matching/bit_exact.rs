@@ -12,12 +12,11 @@ use multiscopic_core::{
     kernel::{Kernel, Portable},
 };
 use multiscopic_tests::{
-    engines::{assert_equal, engines},
     reference::{Fusion, raw16},
     split_mix::Random,
     test_images::{
         case::{Appearance, Case, cases, property, wide_cases},
-        core_match::{cut, matched, matched_with_peaks, params_in, views},
+        core_match::{assert_equal, cut, engines, matched, matched_with_peaks, params_in, views},
         view_set::ViewSet,
     },
 };

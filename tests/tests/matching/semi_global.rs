@@ -14,8 +14,7 @@ use multiscopic_tests::{
     split_mix::Random,
     test_images::{
         case::{Case, cases, property},
-        core_match::{semi_global_params, semi_globally_matched_with_peaks},
-        strict_source::{FRAMES, StrictSource},
+        core_match::{FRAMES, StrictSource, semi_global_params, semi_globally_matched_with_peaks},
         view_set::ViewSet,
     },
 };

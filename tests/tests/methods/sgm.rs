@@ -7,7 +7,6 @@ use multiscopic::{
 };
 use multiscopic_core::{PathPenalties, SemiGlobalCost, SemiGlobalParams, kernel::Kernel};
 use multiscopic_tests::{
-    engines::{assert_equal, engines},
     reference::{
         Fusion, raw16,
         semi_global::{Cost, PATHS, SemiGlobal},
@@ -15,7 +14,7 @@ use multiscopic_tests::{
     split_mix::Random,
     test_images::{
         case::{Appearance, Case, cases, property, wide_cases},
-        core_match::{semi_global_params, semi_globally_matched},
+        core_match::{assert_equal, engines, semi_global_params, semi_globally_matched},
         view_set::ViewSet,
     },
 };

@@ -7,10 +7,7 @@ use multiscopic::{
     FloatImage,
     images::{ColorScale, Colormap},
 };
-use multiscopic_tests::{
-    program::{Invocation, binary},
-    test_images::made_up::make,
-};
+use multiscopic_tests::program::{Invocation, binary, make};
 use tempfile::TempDir;
 
 /// A small made-up capture in a new folder, and its path.

@@ -22,7 +22,7 @@ mod paths;
 use std::{env, fs, path::Path};
 
 use multiscopic::{DisparityMap, Frames, Result, Rig};
-use multiscopic_tests::{program::Invocation, test_images::made_up::make};
+use multiscopic_tests::program::{Invocation, make};
 use page_server::PageServer;
 use serde_json::{Value, json};
 

@@ -12,8 +12,8 @@ use multiscopic_core::{
 };
 use multiscopic_edge::{Matching, WholeLines, frame_file::FrameFile};
 use multiscopic_tests::test_images::{
+    core_match::StrictSource,
     real_data::{self, Dataset},
-    strict_source::StrictSource,
     view_set::{ViewSet, read_grey, view_at},
 };
 use std::{fs, path::Path};

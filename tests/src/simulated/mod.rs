@@ -1,13 +1,10 @@
 //! Simulated hardware with faults on demand. It shares no code with the drivers under test.
 
 pub mod arm;
-pub mod clock;
 #[cfg(target_os = "linux")]
-pub mod loopback;
+pub mod cameras;
+pub mod clock;
 #[cfg(unix)]
 pub mod machine;
-mod motion;
 pub mod network;
 pub mod pose;
-#[cfg(target_os = "linux")]
-pub mod vivid;

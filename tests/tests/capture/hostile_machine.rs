@@ -26,7 +26,7 @@ use proptest::{
 };
 use rayon::prelude::*;
 
-use super::orders::{Order, order};
+use super::hostile_arm::{Order, order};
 
 /// The machine's place when it is opened, in millimetres: whole inches, which each firmware reports exactly.
 const START: [f64; 2] = [127.0, 76.2];

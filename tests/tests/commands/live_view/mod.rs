@@ -1,23 +1,12 @@
-//! `tune`: the clients of its server, hostile ones among them, its answers, and the code that its page gives. Each file in `tuned`
-//! is the code for some settings, compiled and run.
+//! `tune`: the clients of its server, hostile ones among them, its answers, and the code that its page gives. `tuned` has the code
+//! for some settings, compiled and run.
 
 #![cfg(unix)]
 
 mod hostile_clients;
 mod page_server;
 #[rustfmt::skip]
-#[path = "tuned/blocks.rs"]
-mod blocks;
-#[rustfmt::skip]
-#[path = "tuned/cuts.rs"]
-mod cuts;
-#[rustfmt::skip]
-#[path = "tuned/network.rs"]
-mod network;
-#[rustfmt::skip]
-#[path = "tuned/paths.rs"]
-mod paths;
-
+mod tuned;
 
 use std::{env, fs, path::Path};
 
@@ -76,7 +65,13 @@ fn wrong_rigs_and_addresses_are_refused() {
     Invocation::new(["live", &rig, "--listen", "192.0.2.1:80"]).assert_refused(&["cannot listen on 192.0.2.1:80"]);
 }
 
-/// Settings, the code that is expected for them, and this code compiled.
+/// The code in a module of `tuned`.
+fn code_of(module: &str) -> &'static str {
+    let (_, rest) = include_str!("tuned.rs").split_once(&format!("pub mod {module} {{\n")).expect("a module");
+    &rest[..rest.find("\n}\n}\n").expect("the end of a module") + "\n}\n".len()]
+}
+
+/// Settings, the module with the code that is expected for them, and this code compiled.
 type Case = (Value, &'static str, fn(&Frames) -> Result<DisparityMap>);
 
 fn cases() -> [Case; 4] {
@@ -87,30 +82,26 @@ fn cases() -> [Case; 4] {
                 "uniqueness-ratio": "5", "disp12-max-diff": "2", "texture-threshold": "100", "median": "5",
                 "speckle-window-size": "30", "speckle-range": "2", "sub-pixel": "lucas-kanade", "min-confidence": "0.3",
             }),
-            include_str!("tuned/blocks.rs"),
-            blocks::disparities,
+            "blocks",
+            tuned::blocks::disparities,
         ),
         (
             json!({ "method": "sgm", "num-disparities": "40", "cost": "census2", "census": "7x7", "p1": "5", "p2": "30",
                 "p2-edge": "12", "paths": "8", "smooth": "" }),
-            include_str!("tuned/paths.rs"),
-            paths::disparities,
+            "paths",
+            tuned::paths::disparities,
         ),
         (
             json!({ "method": "gc", "num-disparities": "16", "block-size": "7", "occlusion-cost": "12", "lambda1": "4",
                 "smoothness": "potts", "sweeps": "2" }),
-            include_str!("tuned/cuts.rs"),
-            cuts::disparities,
+            "cuts",
+            tuned::cuts::disparities,
         ),
-        (
-            json!({ "method": "net", "num-disparities": "40", "fill": "background" }),
-            include_str!("tuned/network.rs"),
-            network::disparities,
-        ),
+        (json!({ "method": "net", "num-disparities": "40", "fill": "background" }), "network", tuned::network::disparities),
     ]
 }
 
-/// With `MULTISCOPIC_BLESS` set, the files are written anew.
+/// With `MULTISCOPIC_BLESS` set, `tuned` is written anew.
 #[test]
 fn the_code_on_the_page_computes_what_the_command_computes() {
     let dir = tempfile::tempdir().unwrap();
@@ -120,20 +111,15 @@ fn the_code_on_the_page_computes_what_the_command_computes() {
     let (frames, _) = Frames::load(&rig.images.within(Path::new(&folder))).unwrap();
     let server = PageServer::start(&["tune", &folder]);
     let mut socket = server.page();
-    for (settings, code, disparities) in cases() {
+    for (settings, module, disparities) in cases() {
+        let code = code_of(module);
         socket.ask(settings.clone());
         let plan = socket.notice("plan", |contents| contents["settings"] == settings);
         let given = plan["rust"].as_str().unwrap();
         if env::var_os("MULTISCOPIC_BLESS").is_some() {
-            let name = plan["command"].as_str().unwrap().split_once("--method ").unwrap().1.split(' ').next().unwrap();
-            let file = match name {
-                "bm" => "blocks",
-                "sgm" => "paths",
-                "gc" => "cuts",
-                _ => "network",
-            };
-            let path = format!("{}/tests/commands/live_view/tuned/{file}.rs", env!("CARGO_MANIFEST_DIR"));
-            fs::write(path, given).unwrap();
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/commands/live_view/tuned.rs");
+            let tuned = fs::read_to_string(&path).unwrap();
+            fs::write(&path, tuned.replace(code, given)).unwrap();
             continue;
         }
         assert_eq!(given, code, "{settings}");

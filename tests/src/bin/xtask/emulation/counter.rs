@@ -13,7 +13,7 @@ use crate::{
         folders,
         process::{read, run},
     },
-    tools::tool,
+    tools,
 };
 
 /// The functions that mark the beginning of a phase.
@@ -46,9 +46,9 @@ impl Counter {
     /// Compiles the plugin.
     pub fn build() -> Result<Counter> {
         let library = folders::edge_target().join("libcount.so");
-        let emulator = read(&mut tool::QEMU.install()?.command(&["--version"])?)?;
+        let emulator = read(&mut tools::QEMU.install()?.command(&["--version"])?)?;
         let version = format!("-DQEMU_PLUGIN_VERSION={}", interface(&emulator)?);
-        let mut cc = tool::CC.install()?.command(&["-O2", "-Wall", "-shared", "-fPIC", &version])?;
+        let mut cc = tools::CC.install()?.command(&["-O2", "-Wall", "-shared", "-fPIC", &version])?;
         if env::consts::OS == "macos" {
             cc.arg("-Wl,-undefined,dynamic_lookup");
         }

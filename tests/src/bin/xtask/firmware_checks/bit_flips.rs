@@ -16,12 +16,12 @@ use std::{
 
 use crate::{
     emulation::{
+        self, Exit,
         build::{self, Program},
         debugger::{Debugger, Stop},
         emulated_board::{EmulatedBoard, REFERENCE},
-        emulator::{self, Exit},
     },
-    firmware_checks::{image_set::ImageSet, received},
+    firmware_checks::frames::{self, ImageSet},
     system::{folders, free_ports, in_parallel},
     tools::toolchain::Toolchain,
 };
@@ -160,7 +160,7 @@ impl<'a> Target<'a> {
     /// Every frame is right where nothing is flipped.
     fn without_flips(&self) -> Result<()> {
         let folder = self.folder("none")?;
-        let exit = emulator::start(BOARD, self.image, &[""], &folder, &CLOCK)?.end(LIMIT)?;
+        let exit = emulation::start(BOARD, self.image, &[""], &folder, &CLOCK)?.end(LIMIT)?;
         let effect = self.effect(&exit, &folder)?;
         ensure!(effect == Effect::Nothing, "without a flip: {effect}:\n{}", exit.output);
         Ok(())
@@ -169,7 +169,7 @@ impl<'a> Target<'a> {
     /// The watchdog ends what is stuck.
     fn stuck(&self) -> Result<()> {
         let folder = self.folder("stuck")?;
-        let exit = emulator::start(BOARD, self.image, &["stuck"], &folder, &CLOCK)?.end(LIMIT)?;
+        let exit = emulation::start(BOARD, self.image, &["stuck"], &folder, &CLOCK)?.end(LIMIT)?;
         let effect = self.effect(&exit, &folder)?;
         ensure!(effect == Effect::Ended("the watchdog"), "stuck firmware: {effect}:\n{}", exit.output);
         println!("flips: {}", exit.output.lines().last().unwrap_or_default());
@@ -183,7 +183,7 @@ impl<'a> Target<'a> {
         let [port] = free_ports()?;
         let address = format!("tcp:127.0.0.1:{port}");
         let options = [&CLOCK[..], &["-S", "-gdb", &address]].concat();
-        let running = emulator::start(BOARD, self.image, &[""], &folder, &options)?;
+        let running = emulation::start(BOARD, self.image, &[""], &folder, &options)?;
         let mut debugger = Debugger::connect(port)?;
         let part = Part::ALL[random.below(Part::ALL.len())];
         let (phase, steps) = match part {
@@ -245,8 +245,8 @@ impl<'a> Target<'a> {
     /// The first pixel that differs from this machine's, if any does. Fails if the receiver has anything to report.
     fn differs(&self, packets: &Path) -> Result<Option<String>> {
         let bytes = fs::read(packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
-        let received = received::whole(&bytes, packets, self.matching.search())?;
-        Ok(received::same(&received.disparities, &self.expected).err().map(|difference| difference.to_string()))
+        let received = frames::whole(&bytes, packets, self.matching.search())?;
+        Ok(frames::same(&received.disparities, &self.expected).err().map(|difference| difference.to_string()))
     }
 
     /// An own folder with the frames.

@@ -7,11 +7,11 @@ use std::{fs, path::Path};
 
 use crate::{
     emulation::{
+        self,
         build::{self, Program},
         emulated_board::{self, EmulatedBoard},
-        emulator,
     },
-    firmware_checks::{image_set::ImageSet, received},
+    firmware_checks::frames::{self, ImageSet},
     system::{folders, in_parallel},
     tools::toolchain::Toolchain,
 };
@@ -112,7 +112,7 @@ impl Run<'_> {
         }
         set.write(&folder)?;
         let args: Vec<&str> = arguments.split(' ').collect();
-        let exit = emulator::run(self.board, self.image, &args, &folder, None)?;
+        let exit = emulation::run(self.board, self.image, &args, &folder, None)?;
         let found = format!("exit code {} and printed:\n{}", exit.code, exit.output);
         ensure!(exit.code == code, "expected exit code {code}, the firmware ended with {found}");
         let line = exit.output.lines().find(|line| line.contains(message));
@@ -128,5 +128,5 @@ impl Run<'_> {
 /// Fails unless the packets at `path` are a complete frame of the expected disparities.
 fn same(path: &Path, params: &BlockMatchingParams, expected: &[Option<Disparity>]) -> Result<()> {
     let bytes = fs::read(path).with_context(|| format!("the firmware sent no {}", path.display()))?;
-    received::same(&received::whole(&bytes, path, params.search())?.disparities, expected)
+    frames::same(&frames::whole(&bytes, path, params.search())?.disparities, expected)
 }

@@ -10,12 +10,12 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use crate::{
     counts::{self, Counts},
     emulation::{
+        self,
         build::{self, Program},
         counter::{self, BlockTrace, Counter, Instructions, Succession, TracedBlock},
         emulated_board::{self, EmulatedBoard},
-        emulator,
     },
-    firmware_checks::{image_set::ImageSet, profiles},
+    firmware_checks::{frames::ImageSet, profiles},
     system::folders,
     timing::{self, disassembly::Disassembly},
     tools::toolchain::Toolchain,
@@ -118,7 +118,7 @@ fn costs(
     let folder = folders::edge_target().join("runs").join("cycles").join(board.name).join(profile.name).join(fusion.name());
     ImageSet::demo(&profile.matching(fusion)).write(&folder)?;
     let plugin = format!("{},{}", counter.plugin(image)?, counter::TRACE_ARGUMENT);
-    let exit = emulator::run(board, image, &[fusion.name()], &folder, Some(&plugin))?;
+    let exit = emulation::run(board, image, &[fusion.name()], &folder, Some(&plugin))?;
     ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
     let costs = priced(&counter::read_trace(&folder)?, disassembly, processor)?;
     let (traced, counted) = (costs.values().copied().sum::<Cost>().instructions, Instructions::read(&folder)?.pipeline());

@@ -11,12 +11,12 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use crate::{
     emulation::{
+        self,
         build::{self, Program},
         counter::{Counter, Instructions},
         emulated_board::EmulatedBoard,
-        emulator,
     },
-    firmware_checks::image_set::ImageSet,
+    firmware_checks::frames::ImageSet,
     system::{folders, in_parallel},
     tools::toolchain::Toolchain,
 };
@@ -218,7 +218,7 @@ impl Run<'_> {
         self.images.write(&folder)?;
         let arguments = self.arguments();
         let args: Vec<&str> = arguments.iter().map(String::as_str).collect();
-        let exit = emulator::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
+        let exit = emulation::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         Instructions::read(&folder)
     }

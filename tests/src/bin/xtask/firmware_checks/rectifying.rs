@@ -20,12 +20,12 @@ use std::{
 use crate::{
     counts::{self, Counts},
     emulation::{
+        self,
         build::{self, Footprint, Program},
         counter::{Counter, Instructions},
         emulated_board::EmulatedBoard,
-        emulator,
     },
-    firmware_checks::{distorted_set::DistortedSet, received},
+    firmware_checks::{distorted_set::DistortedSet, frames},
     system::{folders, in_parallel},
     tools::toolchain::Toolchain,
 };
@@ -172,11 +172,11 @@ impl Run<'_> {
             fs::remove_file(&packets)?;
         }
         let plugin = counter.plugin(&self.image)?;
-        let exit = emulator::run(self.board, &self.image, &[self.way.argument()], &folder, Some(&plugin))?;
+        let exit = emulation::run(self.board, &self.image, &[self.way.argument()], &folder, Some(&plugin))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
-        let frame = received::whole(&bytes, &packets, QQVGA.matching(FUSION).search())?;
-        received::same_lines(&bytes, self.expected)?;
+        let frame = frames::whole(&bytes, &packets, QQVGA.matching(FUSION).search())?;
+        frames::same_lines(&bytes, self.expected)?;
         Ok(Measurement {
             statics: Footprint::of(&self.image)?.ram() as usize,
             stack: frame.stack.context("the firmware did not measure its stack")?,

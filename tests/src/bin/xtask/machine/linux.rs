@@ -18,14 +18,11 @@ use crate::{
         folders,
         process::{command, read},
     },
-    tools::{
-        debian,
-        tool::{self, Tool},
-    },
+    tools::{self, Tool, debian},
 };
 
 /// The tools that unpack the kernel and build its loopback module.
-pub const TOOLS: [Tool; 3] = [tool::CC, tool::MAKE, tool::XZ];
+pub const TOOLS: [Tool; 3] = [tools::CC, tools::MAKE, tools::XZ];
 
 /// The drivers and their parameters: vivid generates images and faults, v4l2loopback shows the frames it is
 /// fed.
@@ -108,7 +105,7 @@ fn make_loopback(files: &Path, version: &str) -> Result<PathBuf> {
     let sources = fs::read_dir(files.join("usr/src"))?.flatten().map(|entry| entry.path());
     let is_loopback = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("v4l2loopback-"));
     let source = sources.into_iter().find(is_loopback).context("the package v4l2loopback-dkms has no source")?;
-    let make = tool::MAKE.install()?;
+    let make = tools::MAKE.install()?;
     let mut make = make.command(&["--silent", "--directory"])?;
     read(make.arg(&headers).arg(format!("M={}", source.display())).arg("modules"))?;
     Ok(source.join("v4l2loopback.ko"))
@@ -122,7 +119,7 @@ fn decompressed(files: &Path, version: &str) -> Result<Vec<u8>> {
     for start in (0..bytes.len().saturating_sub(magic.len())).filter(|&start| bytes[start..].starts_with(magic)) {
         fs::write(&payload, &bytes[start..])?;
         // xz reports an error about the data after the payload, but has written all of it.
-        let xz = tool::XZ.install()?.command(&["--decompress", "--stdout", "--single-stream"])?.arg(&payload).output()?;
+        let xz = tools::XZ.install()?.command(&["--decompress", "--stdout", "--single-stream"])?.arg(&payload).output()?;
         if xz.stdout.starts_with(b"\x7FELF") {
             return Ok(xz.stdout);
         }

@@ -16,7 +16,7 @@ use crate::{
         folders,
         process::{command, exit_code_within, read},
     },
-    tools::tool,
+    tools,
 };
 
 /// The time limit of a run. Only a hung one reaches it.
@@ -73,7 +73,7 @@ impl Machine {
 
         // Always emulate, so that runs behave alike with and without hardware virtualisation.
         let machine = ["-machine", "pc", "-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", MEMORY];
-        let mut emulator = tool::QEMU_X86.install()?.command(&machine)?;
+        let mut emulator = tools::QEMU_X86.install()?.command(&machine)?;
         emulator.args(["-nodefaults", "-display", "none", "-no-reboot", "-serial", "stdio"]);
         emulator.args(["-append", "console=ttyS0 quiet panic=-1 mitigations=off nokaslr"]);
         emulator.arg("-kernel").arg(&self.kernel.image).arg("-initrd").arg(&archive);

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, ensure};
 use multiscopic::Processor;
 use std::{collections::BTreeMap, path::Path};
 
-use crate::{system::process::read, tools::tool};
+use crate::{system::process::read, tools};
 
 /// The instructions and functions of an image by address.
 #[derive(Debug, Default)]
@@ -31,7 +31,7 @@ pub struct Code<'a> {
 impl Disassembly {
     /// Disassembles `image`.
     pub fn of(image: &Path, processor: Processor) -> Result<Disassembly> {
-        let mut objdump = tool::LLVM_OBJDUMP.install()?.command(&["--disassemble", "--demangle", "--no-show-raw-insn"])?;
+        let mut objdump = tools::LLVM_OBJDUMP.install()?.command(&["--disassemble", "--demangle", "--no-show-raw-insn"])?;
         let disassembly = parse(&read(objdump.arg(format!("--mcpu={}", processor.name())).arg(image))?);
         ensure!(!disassembly.lines.is_empty(), "{} has no instructions", image.display());
         Ok(disassembly)

@@ -13,7 +13,7 @@ use crate::{
         folders,
         process::{OPTIMIZED, built_optimized_program, built_test, command, run},
     },
-    tools::{debian, tool},
+    tools::{self, debian},
 };
 
 /// The test program that needs cameras.
@@ -48,7 +48,7 @@ fn missing() -> Option<String> {
     if debian::can_install() {
         return None;
     }
-    let refused = [&tool::QEMU_X86].into_iter().chain(&linux::TOOLS).find_map(|tool| tool.install().err());
+    let refused = [&tools::QEMU_X86].into_iter().chain(&linux::TOOLS).find_map(|tool| tool.install().err());
     match Linux::current() {
         _ if refused.is_some() => refused.map(|refusal| format!("{refusal:#}")),
         None => Some("no list of packages; run `sudo apt-get update` first".into()),

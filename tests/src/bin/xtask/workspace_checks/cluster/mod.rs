@@ -20,7 +20,7 @@ use crate::{
         free_ports,
         process::{built_program, command, read, run},
     },
-    tools::tool,
+    tools,
     workspace_checks::python_package::{PythonEnvironment, wheels},
 };
 
@@ -105,8 +105,8 @@ fn check_slurm(shared: &SharedFolder) -> Result<()> {
 impl SlurmCluster<'_> {
     /// Starts the daemons, and waits until the nodes are idle.
     fn start(shared: &SharedFolder) -> Result<SlurmCluster<'_>> {
-        tool::SLURM.install()?;
-        tool::MUNGE.install()?;
+        tools::SLURM.install()?;
+        tools::MUNGE.install()?;
         let folder = shared.path("slurm");
         for place in ["", "state", "one", "two"] {
             fs::create_dir_all(folder.join(place))?;

@@ -14,7 +14,7 @@ use multiscopic::capture::{
 };
 use multiscopic_core::capture::{Position, Stage};
 use multiscopic_tests::simulated::{
-    clock::SimulatedClock,
+    SimulatedClock,
     network::{Service, SimulatedNetwork},
 };
 use proptest::prelude::*;

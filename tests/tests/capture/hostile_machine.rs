@@ -15,7 +15,7 @@ use multiscopic::capture::{
 };
 use multiscopic_core::capture::{Position, Stage};
 use multiscopic_tests::simulated::{
-    clock::SimulatedClock,
+    SimulatedClock,
     machine::{BYTE, Firmware, InstantMachine},
 };
 use proptest::{

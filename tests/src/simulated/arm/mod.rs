@@ -21,7 +21,7 @@ use multiscopic::capture::{
 };
 
 use super::{
-    clock::SimulatedClock,
+    SimulatedClock,
     network::{Service, SimulatedNetwork},
     pose::Pose,
 };

@@ -16,7 +16,7 @@ use multiscopic::capture::{
 };
 use serialport::{SerialPort, TTYPort};
 
-use super::clock::SimulatedClock;
+use super::SimulatedClock;
 use firmware::{Control, Grbl, Machine, Marlin};
 
 pub use firmware::Fault;

@@ -2,7 +2,6 @@
 
 pub mod case;
 pub mod core_match;
-pub mod drawing;
 pub mod golden;
 pub mod misaligned;
 pub mod real_data;

@@ -16,8 +16,7 @@ use multiscopic_tests::{
     test_images::{
         case::{Case, cases, property},
         core_match::{FRAMES, StrictSource, semi_global_params, semi_globally_matched, semi_globally_matched_with_peaks},
-        drawing::{assert_drawn, draw, synthesise},
-        view_set::ViewSet,
+        view_set::{ViewSet, assert_drawn, draw, synthesise},
     },
 };
 

@@ -11,7 +11,6 @@ mod interruptions;
 mod lenses;
 mod live_view;
 mod photos;
-mod rig_quality;
 mod scenes;
 mod search_ranges;
 mod shards;

@@ -93,7 +93,8 @@ fn crate_root(target: &serde_json::Value) -> Option<CrateRoot> {
 /// The header of the table of modules in the crate's documentation.
 const HEAD: [&str; 2] = ["module", "what it is"];
 
-/// Compares the imports with the crate's table of modules, which libraries must have.
+/// Compares the imports with the crate's table of modules, which libraries must have: a module may import only from those before
+/// it.
 fn check_layers(tree: &CrateTree, edges: &[Edge], must_list_modules: bool) -> Vec<Violation> {
     let root = &tree.modules[0];
     let place = tree.place(root.file);

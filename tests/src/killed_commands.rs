@@ -12,7 +12,10 @@ use std::{
 
 use multiscopic::{Frames, Rig};
 
-use crate::{program, split_mix::Random, test_images::made_up::make};
+use crate::{
+    program::{self, make},
+    split_mix::Random,
+};
 
 /// A file of the user beside the outputs.
 const OF_THE_USER: &str = "notes.txt";

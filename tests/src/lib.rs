@@ -4,8 +4,7 @@
 //! | --- | --- |
 //! | [`split_mix`] | random numbers that are the same everywhere |
 //! | `reference` | the definitions that the product is compared with |
-//! | `engines` | the host's engines, and how their maps are compared |
-//! | [`program`] | the command line as a process |
+//! | [`program`] | the command line as a process, and captures that it makes |
 //! | [`test_images`] | images and matches: golden, random, drawn and real |
 //! | `killed_commands` | commands that are killed at random moments |
 //! | [`simulated`] | arms, machines and cameras, with faults on demand |
@@ -14,7 +13,6 @@
 
 #[cfg(feature = "xtask")]
 pub mod architecture;
-pub mod engines;
 #[cfg(unix)]
 pub mod killed_commands;
 pub mod program;

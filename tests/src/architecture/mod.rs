@@ -3,27 +3,34 @@
 //! The check parses every source file and follows every path in it, through modules and re-exports, to the
 //! file that defines the item. Code for unit tests (`#[cfg(test)]`) may import anything.
 
-mod circles;
 mod crate_tree;
 mod imports;
-mod layers;
-mod resolution;
-mod violation;
-mod workspace;
 
-use std::{error::Error, path::Path};
+use petgraph::{
+    algo::{astar, tarjan_scc},
+    graph::{DiGraph, NodeIndex},
+};
+use std::{
+    collections::BTreeMap,
+    env,
+    error::Error,
+    path::{Path, PathBuf},
+    process::Command,
+};
 
-pub use violation::Violation;
+use self::{
+    crate_tree::{CrateTree, ModuleId, text},
+    imports::Edge,
+};
 
-use crate_tree::CrateTree;
-use workspace::{CrateRoot, Use};
+pub use self::imports::Violation;
 
 /// All violations in the workspace at `root`, sorted.
 ///
 /// # Errors
 /// If cargo cannot list the workspace's crates, or a source file cannot be read or parsed.
 pub fn check(root: &Path) -> Result<Vec<Violation>, Box<dyn Error>> {
-    check_crates(root, &workspace::crate_roots(root)?)
+    check_crates(root, &crate_roots(root)?)
 }
 
 fn check_crates(root: &Path, crate_roots: &[CrateRoot]) -> Result<Vec<Violation>, Box<dyn Error>> {
@@ -32,12 +39,141 @@ fn check_crates(root: &Path, crate_roots: &[CrateRoot]) -> Result<Vec<Violation>
         let tree = CrateTree::read(root, &crate_root.path)?;
         let imports = imports::of(&tree);
         violations.extend(imports.unresolved);
-        violations.extend(layers::check(&tree, &imports.edges, crate_root.usage == Use::Library));
-        violations.extend(circles::check(&tree, &imports.edges));
+        violations.extend(check_layers(&tree, &imports.edges, crate_root.usage == Use::Library));
+        violations.extend(check_circles(&tree, &imports.edges));
     }
     violations.sort();
     violations.dedup();
     Ok(violations)
+}
+
+/// The kind of a crate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Use {
+    /// A library, which must list its modules.
+    Library,
+    /// A program.
+    Program,
+    /// Integration tests, examples and benchmarks.
+    Test,
+}
+
+/// The root file of a crate.
+#[derive(Clone, Debug)]
+struct CrateRoot {
+    path: PathBuf,
+    usage: Use,
+}
+
+/// Lists the crates of the workspace at `root`, except build scripts and generated bindings.
+fn crate_roots(root: &Path) -> Result<Vec<CrateRoot>, Box<dyn Error>> {
+    let cargo = env::var_os("CARGO").unwrap_or("cargo".into());
+    let listed =
+        Command::new(cargo).args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).current_dir(root).output()?;
+    if !listed.status.success() {
+        return Err(format!("cargo metadata failed: {}", String::from_utf8_lossy(&listed.stderr)).into());
+    }
+    let metadata: serde_json::Value = serde_json::from_slice(&listed.stdout)?;
+    let packages = metadata["packages"].as_array().into_iter().flatten();
+    let ours = packages.filter(|package| !package["name"].as_str().is_some_and(|name| name.ends_with("-sys-mit")));
+    let targets = ours.flat_map(|package| package["targets"].as_array().into_iter().flatten());
+    Ok(targets.filter_map(crate_root).collect())
+}
+
+fn crate_root(target: &serde_json::Value) -> Option<CrateRoot> {
+    let usage = match target["kind"][0].as_str()? {
+        "lib" | "rlib" | "cdylib" => Use::Library,
+        "bin" => Use::Program,
+        "test" | "example" | "bench" => Use::Test,
+        _ => return None,
+    };
+    Some(CrateRoot { path: target["src_path"].as_str()?.into(), usage })
+}
+
+/// The header of the table of modules in the crate's documentation.
+const HEAD: [&str; 2] = ["module", "what it is"];
+
+/// Compares the imports with the crate's table of modules, which libraries must have: a module may import only from those before
+/// it.
+fn check_layers(tree: &CrateTree, edges: &[Edge], must_list_modules: bool) -> Vec<Violation> {
+    let root = &tree.modules[0];
+    let place = tree.place(root.file);
+    let violation = |message: String| Violation { place: place.clone(), message };
+    let name = |module: ModuleId| tree.modules[module].name.as_str();
+    let documentation: Vec<String> = root.attributes.iter().filter(|a| a.path().is_ident("doc")).filter_map(text).collect();
+    let Some(listed) = listed_modules(&documentation) else {
+        let message = format!("its documentation has no table `| {} |` of its modules", HEAD.join(" | "));
+        return if must_list_modules && !root.children.is_empty() { vec![violation(message)] } else { Vec::new() };
+    };
+
+    let mut violations = Vec::new();
+    let rank = |module: ModuleId| listed.iter().position(|listed| listed == name(module));
+    for (i, listed_name) in listed.iter().enumerate() {
+        if tree.child(0, listed_name).is_none() {
+            violations.push(violation(format!("the module `{listed_name}` is listed, but there is no such module")));
+        }
+        if listed[..i].contains(listed_name) {
+            violations.push(violation(format!("the module `{listed_name}` is listed twice")));
+        }
+    }
+    for &module in root.children.iter().filter(|&&module| rank(module).is_none()) {
+        violations.push(violation(format!("the module `{}` is not listed", name(module))));
+    }
+    for Edge { from, to, path } in edges {
+        let Some(source) = tree.top_level(*from) else { continue };
+        let message = match tree.top_level(*to) {
+            None => format!("imports {path} from the crate's root, which is above all modules"),
+            Some(target) if rank(source) < rank(target) && rank(source).is_some() => {
+                format!("imports {path} from the module `{}`, which is listed after `{}`", name(target), name(source))
+            }
+            Some(_) => continue,
+        };
+        violations.push(Violation { place: tree.place(tree.modules[*from].file), message });
+    }
+    violations
+}
+
+/// The modules in the first column of the table in `documentation`, in their order; `None` if there is no table.
+fn listed_modules(documentation: &[String]) -> Option<Vec<String>> {
+    let cells = |line: &str| -> Option<Vec<String>> {
+        let line = line.trim().strip_prefix('|')?.strip_suffix('|')?;
+        Some(line.split('|').map(|cell| cell.trim().to_owned()).collect())
+    };
+    let lines: Vec<&str> = documentation.iter().flat_map(|text| text.lines()).collect();
+    let head = lines.iter().position(|line| cells(line).is_some_and(|cells| cells == HEAD))?;
+    // The second line separates the header from the rows.
+    let rows = lines[head..].iter().skip(2).map_while(|line| cells(line)?.into_iter().next());
+    Some(rows.flat_map(|cell| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>()).collect())
+}
+
+/// Finds groups of files that depend on each other, and the shortest circle through the first file of each.
+fn check_circles(tree: &CrateTree, edges: &[Edge]) -> Vec<Violation> {
+    let mut graph: DiGraph<(), &str> = DiGraph::new();
+    for _ in &tree.files {
+        graph.add_node(());
+    }
+    let file = |module: usize| NodeIndex::new(tree.modules[module].file);
+    for edge in edges {
+        graph.update_edge(file(edge.from), file(edge.to), &edge.path);
+    }
+    let groups = tarjan_scc(&graph).into_iter().filter(|group| group.len() > 1);
+    let violations = groups.map(|group| {
+        let places: BTreeMap<String, NodeIndex> = group.iter().map(|&node| (tree.place(node.index()), node)).collect();
+        let (place, &first) = places.first_key_value().expect("a group has files");
+        let ways = graph.neighbors(first).filter(|next| group.contains(next));
+        let way_back = |next| astar(&graph, next, |node| node == first, |_| 1, |_| 0);
+        let (_, circle) = ways.filter_map(way_back).min_by_key(|(length, _)| *length).expect("each file of a group leads back");
+        let mut steps = vec![first];
+        steps.extend(circle);
+        let describe = |pair: &[NodeIndex]| {
+            let path = graph.find_edge(pair[0], pair[1]).map_or("", |edge| graph[edge]);
+            format!("imports {path} of {}", tree.place(pair[1].index()))
+        };
+        let steps: Vec<String> = steps.windows(2).map(describe).collect();
+        let message = format!("is in a circle of {} files: it {}", group.len(), steps.join(", which "));
+        Violation { place: place.clone(), message }
+    });
+    violations.collect()
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use multiscopic::capture::{
     stage::robot_arm::{Connection, Network},
 };
 
-use super::clock::{Device, SimulatedClock};
+use super::{Device, SimulatedClock};
 
 /// The interval at which a read that waits looks again.
 const LOOK: Duration = Duration::from_millis(1);

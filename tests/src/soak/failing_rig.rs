@@ -20,8 +20,8 @@ use multiscopic_core::{
 use super::eye::{Blindness, Eye, PIXEL_UM, SIZE, SharedBlindness};
 use crate::{
     simulated::{
+        SimulatedClock,
         arm::{self, SimulatedArm},
-        clock::SimulatedClock,
         machine::{self, Firmware, SimulatedMachine},
         pose::Pose,
     },

@@ -1,10 +1,12 @@
-//! The core's parameters and results for the matches of the tests.
+//! The core's parameters and results for the matches of the tests, on a source that holds it to its contract; and the host's
+//! engines.
 
 use std::{convert::Infallible, ops::Range};
 
+use multiscopic::{DisparityMap, Engine, Simd};
 use multiscopic_core::{
-    BlockMatchingParams, Census, Disparity, Fusion as CoreFusion, MatchError, Matcher, Memory, PathPenalties, Region,
-    SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views, kernel::Kernel,
+    BlockMatchingParams, Census, Disparity, Frame, Fusion as CoreFusion, MatchError, Matcher, Memory, PathPenalties, Region,
+    ScanlineSource, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views, kernel::Kernel,
 };
 
 use crate::{
@@ -13,10 +15,7 @@ use crate::{
         semi_global::{Cost, SemiGlobal},
     },
     split_mix::Random,
-    test_images::{
-        strict_source::StrictSource,
-        view_set::{ViewSet, view_at},
-    },
+    test_images::view_set::{ViewSet, view_at},
 };
 
 /// The core's parameters for the given match.
@@ -90,8 +89,8 @@ pub fn semi_global_params(reference: &SemiGlobal) -> SemiGlobalParams {
 /// Disparities, or the error of a source that cannot fail.
 type Next = Result<Option<usize>, MatchError<Infallible>>;
 
-/// The disparities of `rows` of `width` pixels, in the 16-bit encoding. `next_line` matches a line of a strict source, and its peak
-/// ratios if it is given a place for them; those are appended to `peaks`. Lines have random contents before.
+/// The disparities of `rows` of `width` pixels, in the 16-bit encoding. `next_line` matches a line of a strict source, and its
+/// peak ratios if it is given a place for them; those are appended to `peaks`. Lines have random contents before.
 fn all_lines<'a>(
     (rows, width): (Range<usize>, usize),
     mut source: StrictSource<'a>,
@@ -182,4 +181,130 @@ where
 pub fn cut<T: Copy>(pixels: &[T], width: usize, region: &Region) -> Vec<T> {
     let Range { start, end } = region.columns();
     region.rows().flat_map(|v| &pixels[v * width..][start..end]).copied().collect()
+}
+
+/// The nearest frames: the centre, then the views in the order of [`ViewSet::views`].
+pub const FRAMES: [Frame; 5] =
+    [Frame::Center, Frame::View(View::LEFT), Frame::View(View::RIGHT), Frame::View(View::TOP), Frame::View(View::BOTTOM)];
+
+/// A source that panics unless each line of each frame is requested once, in ascending order, and never
+/// further ahead than [`BlockMatchingParams::lead`] or [`SemiGlobalParams::lead`] allows.
+#[derive(Debug)]
+pub struct StrictSource<'a> {
+    images: &'a ViewSet,
+    search: SearchSpace,
+    region: Region,
+    /// The frames, and how many lines past its own a disparity line needs of each.
+    leads: Vec<(Frame, i32)>,
+    /// The number of disparity lines produced so far.
+    done: usize,
+    /// The line expected next of each frame; `None` before the first.
+    next: Vec<Option<usize>>,
+}
+
+impl<'a> StrictSource<'a> {
+    /// A source for one pass over `region`.
+    pub fn new(images: &'a ViewSet, params: &BlockMatchingParams, region: &Region) -> StrictSource<'a> {
+        StrictSource::with_leads(images, params.search(), region, |frame| params.lead(frame))
+    }
+
+    /// A source for a pass of semi-global matching.
+    pub fn semi_global(images: &'a ViewSet, params: &SemiGlobalParams) -> StrictSource<'a> {
+        StrictSource::with_leads(images, params.search(), &Region::whole(params.search()), |frame| params.lead(frame))
+    }
+
+    fn with_leads(images: &'a ViewSet, search: &SearchSpace, region: &Region, lead: impl Fn(Frame) -> i32) -> StrictSource<'a> {
+        let others = images.others.iter().map(|(offset, _)| Frame::View(view_at(*offset)));
+        let leads: Vec<(Frame, i32)> = FRAMES.into_iter().chain(others).map(|frame| (frame, lead(frame))).collect();
+        StrictSource { images, search: *search, region: *region, next: vec![None; leads.len()], leads, done: 0 }
+    }
+
+    /// Notes that another disparity line was produced.
+    pub fn line_done(&mut self) {
+        self.done += 1;
+    }
+
+    /// The number of disparity lines produced so far.
+    pub fn lines_done(&self) -> usize {
+        self.done
+    }
+
+    /// Panics unless every line that the region needs was read.
+    pub fn assert_finished(&self) {
+        assert_eq!(self.done, self.region.height(), "disparity lines of the region");
+        for (&(frame, _), &next) in self.leads.iter().zip(&self.next) {
+            let expected = self.image(frame).is_some().then(|| {
+                let at_the_bottom = self.region.rows().end == self.search.height();
+                if at_the_bottom { self.search.height() } else { self.furthest(frame) + 1 }
+            });
+            assert_eq!(next, expected, "lines of {frame:?} that were read");
+        }
+    }
+
+    fn image(&self, frame: Frame) -> Option<&'a [u8]> {
+        match frame {
+            Frame::Center => Some(&self.images.center),
+            Frame::View(view) => self.images.view(view),
+        }
+    }
+
+    /// The first line of `frame` that the region needs.
+    fn first(&self, frame: Frame) -> usize {
+        let down = match frame {
+            Frame::View(view) => i32::from(view.down()),
+            Frame::Center => 0,
+        };
+        // The highest match is that at one end of the search.
+        let shift = (-down * i32::from(self.search.min_disparity())).min(-down * i32::from(self.search.max_disparity()));
+        let top = self.region.rows().start as i32;
+        if top == 0 { 0 } else { self.inside(top - self.leads[0].1 + shift) }
+    }
+
+    /// The last line of `frame` that the next disparity line needs, or that the last one needed.
+    fn furthest(&self, frame: Frame) -> usize {
+        let v = self.region.rows().start + self.done.min(self.region.height() - 1);
+        self.inside(v as i32 + self.leads[self.place(frame)].1)
+    }
+
+    fn place(&self, frame: Frame) -> usize {
+        self.leads.iter().position(|&(other, _)| other == frame).expect("a frame")
+    }
+
+    fn inside(&self, v: i32) -> usize {
+        v.clamp(0, self.search.height() as i32 - 1) as usize
+    }
+}
+
+impl ScanlineSource for StrictSource<'_> {
+    type Error = std::convert::Infallible;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+        let Some(image) = self.image(frame) else { panic!("{frame:?} is not one of the views") };
+        assert!(v < self.search.height(), "line {v} of {frame:?} is outside the frame");
+        assert_eq!(line.len(), self.search.width(), "pixels in line {v} of {frame:?}");
+        let index = self.place(frame);
+        let expected = self.next[index].unwrap_or_else(|| self.first(frame));
+        assert_eq!(v, expected, "the line of {frame:?} that comes next");
+        let last_line = self.region.rows().start + self.done + 1 == self.search.height();
+        assert!(last_line || v <= self.furthest(frame), "line {v} of {frame:?} is read with only {} lines out", self.done);
+        self.next[index] = Some(v + 1);
+        line.copy_from_slice(&image[v * line.len()..][..line.len()]);
+        Ok(())
+    }
+}
+
+/// Engines with every instruction set that this processor has and each of these numbers of threads, which vary faster.
+pub fn engines<const N: usize>(threads: [usize; N]) -> Vec<Engine> {
+    let engines = Simd::available().into_iter().flat_map(|simd| threads.map(|threads| Engine::new(Some(simd), threads)));
+    engines.collect::<Result<_, _>>().expect("threads")
+}
+
+/// Panics at the first pixel of a map that is not the one expected, as of 16-bit images.
+#[track_caller]
+pub fn assert_equal(map: &DisparityMap, expected: &[u16], what: &str) {
+    let found: Vec<u16> = map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
+    assert_eq!(found.len(), expected.len(), "{what}: pixels");
+    let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
+    let place = different.map(|i| (i % map.width(), i / map.width(), found[i], expected[i]));
+    assert_eq!(place, None, "{what}: pixel, found and expected");
 }

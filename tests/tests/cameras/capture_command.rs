@@ -21,7 +21,7 @@ use multiscopic_tests::{
     program::{self, Invocation},
     simulated::{
         arm::{Fault, Heard, SimulatedArm},
-        loopback::Producer,
+        cameras::Producer,
         pose::{Pose, distance, pose_trans},
     },
     test_images::{

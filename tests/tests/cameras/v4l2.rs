@@ -22,10 +22,7 @@ use multiscopic::{
 use multiscopic_tests::{
     program,
     reference::luma,
-    simulated::{
-        loopback::Producer,
-        vivid::{self, Pattern},
-    },
+    simulated::cameras::{self, Pattern, Producer},
     split_mix::Random,
     test_images::golden,
 };
@@ -130,7 +127,7 @@ fn recovers(camera: &mut V4l2Camera) -> Outcome {
 }
 
 fn format(format: PixelFormat, grays: &[u8; 8]) -> Outcome {
-    vivid::show(Path::new(VIVID[0]), Pattern::Bars)?;
+    cameras::show(Path::new(VIVID[0]), Pattern::Bars)?;
     for size in [[640, 480], [320, 180]] {
         let mut camera = open(VIVID[0], &CameraSettings { format: Some(format), size: Some(size), ..quick() })?;
         same(&frame(&mut camera)?, &bars(size, grays))?;
@@ -140,7 +137,7 @@ fn format(format: PixelFormat, grays: &[u8; 8]) -> Outcome {
 
 /// By default, the best format and the camera's current size are used.
 fn defaults() -> Outcome {
-    vivid::show(Path::new(VIVID[0]), Pattern::Bars)?;
+    cameras::show(Path::new(VIVID[0]), Pattern::Bars)?;
     drop(open(VIVID[0], &CameraSettings { format: Some(PixelFormat::Yuyv), ..quick() })?);
     let mut camera = open(VIVID[0], &CameraSettings { average: NonZeroU16::MIN.saturating_add(4), ..CameraSettings::default() })?;
     let layout = camera.layout();
@@ -160,7 +157,7 @@ fn frames_are_of_now() -> Outcome {
     let mut camera = open(VIVID[0], &quick())?;
     for i in 0..6 {
         let (pattern, gray) = if i % 2 == 0 { (Pattern::White, FULL[0]) } else { (Pattern::Black, FULL[7]) };
-        vivid::show(device, pattern)?;
+        cameras::show(device, pattern)?;
         same(&frame(&mut camera)?, &GrayImage::from_pixel(320, 180, Luma([gray])))?;
         // Until all buffers hold this pattern.
         thread::sleep(Duration::from_millis(300));
@@ -240,15 +237,15 @@ fn refusals() -> Outcome {
 }
 
 /// A fault that occurs once, before the camera starts or while it runs.
-fn strikes_once(fault: vivid::Fault, while_it_runs: bool, is_expected: fn(&CameraFault) -> bool) -> Outcome {
+fn strikes_once(fault: cameras::Fault, while_it_runs: bool, is_expected: fn(&CameraFault) -> bool) -> Outcome {
     let device = Path::new(VIVID[0]);
-    vivid::show(device, Pattern::Bars)?;
+    cameras::show(device, Pattern::Bars)?;
     let mut camera = open(VIVID[0], &quick())?;
     for _ in 0..2 {
         if while_it_runs {
             frame(&mut camera)?;
         }
-        vivid::inject(device, fault)?;
+        cameras::inject(device, fault)?;
         fails(&mut camera, VIVID[0], is_expected)?;
         recovers(&mut camera)?;
         // Reopen, as at the start.
@@ -261,14 +258,14 @@ fn strikes_once(fault: vivid::Fault, while_it_runs: bool, is_expected: fn(&Camer
 /// The driver flags a frame as damaged, which must be noticed when that frame is read.
 fn damaged_frames() -> Outcome {
     let device = Path::new(VIVID[0]);
-    vivid::show(device, Pattern::Bars)?;
+    cameras::show(device, Pattern::Bars)?;
     let mut camera = open(VIVID[0], &quick())?;
     frame(&mut camera)?;
     let is_over = AtomicBool::new(false);
     let failed = thread::scope(|scope| {
         scope.spawn(|| {
             while !is_over.load(Ordering::Relaxed) {
-                let _ = vivid::inject(device, vivid::Fault::Damaged);
+                let _ = cameras::inject(device, cameras::Fault::Damaged);
                 thread::sleep(Duration::from_millis(2));
             }
         });
@@ -284,14 +281,14 @@ fn damaged_frames() -> Outcome {
 /// No frames arrive, at the start or while the camera runs.
 fn no_frames() -> Outcome {
     let device = Path::new(VIVID[0]);
-    vivid::show(device, Pattern::Bars)?;
+    cameras::show(device, Pattern::Bars)?;
     let mut camera = open(VIVID[0], &quick())?;
     for _ in 0..2 {
-        vivid::inject(device, vivid::Fault::Dropped(100))?;
+        cameras::inject(device, cameras::Fault::Dropped(100))?;
         for _ in 0..2 {
             fails(&mut camera, VIVID[0], |fault| matches!(fault, CameraFault::NoFrame { frames: 0, .. }))?;
         }
-        vivid::inject(device, vivid::Fault::Dropped(0))?;
+        cameras::inject(device, cameras::Fault::Dropped(0))?;
         recovers(&mut camera)?;
     }
     Ok(())
@@ -299,9 +296,9 @@ fn no_frames() -> Outcome {
 
 fn cancelling() -> Outcome {
     let device = Path::new(VIVID[0]);
-    vivid::show(device, Pattern::Bars)?;
+    cameras::show(device, Pattern::Bars)?;
     let mut camera = open(VIVID[0], &quick())?;
-    vivid::inject(device, vivid::Fault::Dropped(100))?;
+    cameras::inject(device, cameras::Fault::Dropped(100))?;
     let is_cancelled = AtomicBool::new(false);
     let cancelled = thread::scope(|scope| {
         scope.spawn(|| {
@@ -311,7 +308,7 @@ fn cancelling() -> Outcome {
         });
         camera.frame(LONG, &is_cancelled)
     });
-    vivid::inject(device, vivid::Fault::Dropped(0))?;
+    cameras::inject(device, cameras::Fault::Dropped(0))?;
     match cancelled {
         Err(error) if matches!(error.fault, CameraFault::Cancelled) => recovers(&mut camera),
         other => Err(format!("{other:?}").into()),
@@ -320,7 +317,7 @@ fn cancelling() -> Outcome {
 
 /// A device is busy while another capture runs.
 fn second_opener() -> Outcome {
-    vivid::show(Path::new(VIVID[0]), Pattern::Bars)?;
+    cameras::show(Path::new(VIVID[0]), Pattern::Bars)?;
     let mut first = open(VIVID[0], &quick())?;
     let mut second = open(VIVID[0], &quick())?;
     frame(&mut first)?;
@@ -362,7 +359,7 @@ fn loopback_formats() -> Outcome {
         };
         formats.push(format.name());
         let mut camera = open(device, &CameraSettings { format: Some(format), size: None, ..quick() })?;
-        let expected = |frame: &[u8]| GrayImage::from_raw(64, 48, luma::gray(&layout, frame)).ok_or("64x48 pixels");
+        let expected = |frame: &[u8]| GrayImage::from_raw(64, 48, luma(&layout, frame)).ok_or("64x48 pixels");
         same(&frame(&mut camera)?, &expected(&fed)?)?;
         for seed in 2..5 {
             let fed = random_frame(&layout, seed);
@@ -478,8 +475,8 @@ fn lists_devices() -> Outcome {
 
 /// The second camera is independent of the first.
 fn second_camera() -> Outcome {
-    vivid::show(Path::new(VIVID[0]), Pattern::Black)?;
-    vivid::show(Path::new(VIVID[1]), Pattern::Bars)?;
+    cameras::show(Path::new(VIVID[0]), Pattern::Black)?;
+    cameras::show(Path::new(VIVID[1]), Pattern::Bars)?;
     let mut cameras = [open(VIVID[0], &quick())?, open(VIVID[1], &quick())?];
     same(&frame(&mut cameras[0])?, &GrayImage::new(320, 180))?;
     recovers(&mut cameras[1])?;
@@ -519,13 +516,13 @@ pub fn trials(has_cameras: bool) -> Vec<Trial> {
     test("fault::damaged_frames", Box::new(damaged_frames));
     let is_refused: fn(&CameraFault) -> bool = |fault| matches!(fault, CameraFault::System { .. });
     for (name, fault, while_it_runs, is_expected) in [
-        ("fault::buffers", vivid::Fault::Buffers, false, is_refused),
-        ("fault::queue", vivid::Fault::Queue, false, is_refused),
-        ("fault::queue_while_it_runs", vivid::Fault::Queue, true, is_refused),
-        ("fault::start", vivid::Fault::Start, false, is_refused),
-        ("fault::fatal", vivid::Fault::Fatal, true, is_refused),
-        ("fault::disconnected", vivid::Fault::Disconnected, true, |fault| matches!(fault, CameraFault::Disconnected)),
-        ("fault::disconnected_at_first", vivid::Fault::Disconnected, false, |fault| matches!(fault, CameraFault::Disconnected)),
+        ("fault::buffers", cameras::Fault::Buffers, false, is_refused),
+        ("fault::queue", cameras::Fault::Queue, false, is_refused),
+        ("fault::queue_while_it_runs", cameras::Fault::Queue, true, is_refused),
+        ("fault::start", cameras::Fault::Start, false, is_refused),
+        ("fault::fatal", cameras::Fault::Fatal, true, is_refused),
+        ("fault::disconnected", cameras::Fault::Disconnected, true, |fault| matches!(fault, CameraFault::Disconnected)),
+        ("fault::disconnected_at_first", cameras::Fault::Disconnected, false, |fault| matches!(fault, CameraFault::Disconnected)),
     ] {
         test(name, Box::new(move || strikes_once(fault, while_it_runs, is_expected)));
     }

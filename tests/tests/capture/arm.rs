@@ -20,8 +20,8 @@ use multiscopic_core::{
 };
 use multiscopic_tests::{
     simulated::{
+        SimulatedClock,
         arm::{Fault, Heard, SimulatedArm},
-        clock::SimulatedClock,
         pose::{Pose, angle, distance},
     },
     split_mix::Random,

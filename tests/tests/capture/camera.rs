@@ -31,7 +31,7 @@ proptest! {
         let layout = FrameLayout { format, size, stride };
         let image = layout.to_gray(&frame).unwrap();
         prop_assert_eq!(<[u32; 2]>::from(image.dimensions()), size);
-        prop_assert_eq!(image.into_raw(), luma::gray(&layout, &frame));
+        prop_assert_eq!(image.into_raw(), luma(&layout, &frame));
     }
 
     #[test]
@@ -40,7 +40,7 @@ proptest! {
         let Err(CameraFault::Truncated { found: 0, expected, .. }) = layout.to_gray(&[]) else { panic!("nothing is no frame") };
         let expected = expected as usize;
         let whole = layout.to_gray(&frame[..expected]).unwrap();
-        prop_assert_eq!(whole.into_raw(), luma::gray(&layout, &frame));
+        prop_assert_eq!(whole.into_raw(), luma(&layout, &frame));
         for length in 0..expected {
             let is_named = matches!(layout.to_gray(&frame[..length]),
                 Err(CameraFault::Truncated { found, expected: e, .. }) if (found, e) == (length as u64, expected as u64));

@@ -11,7 +11,7 @@ use multiscopic_core::{
     capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence, Stage},
 };
 use multiscopic_tests::simulated::{
-    clock::SimulatedClock,
+    SimulatedClock,
     machine::{Fault, Firmware, SimulatedMachine},
 };
 

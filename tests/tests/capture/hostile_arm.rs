@@ -14,12 +14,10 @@ use multiscopic::capture::{
 };
 use multiscopic_core::capture::{Position, Stage};
 use multiscopic_tests::simulated::{
-    clock::SimulatedClock,
+    SimulatedClock,
     network::{Service, SimulatedNetwork},
 };
 use proptest::prelude::*;
-
-use super::orders::{Order, order};
 
 /// The pose of the tool when the arm is opened.
 const START: [f64; 6] = [0.4, -0.2, 0.5, 1.2, -0.3, 0.7];
@@ -285,4 +283,32 @@ fn a_connection_may_end_at_every_byte() {
         check(&scripts, &[target]).unwrap_or_else(|error| panic!("after {length} bytes: {error}"));
     }
     assert!(opened >= 120 && moved > 0, "{opened} of {conversation} opened, {moved} moved");
+}
+
+/// An order to a stage.
+#[derive(Clone, Debug)]
+pub enum Order {
+    MoveTo(Position),
+    HasArrived,
+    Position,
+    Stop,
+    /// Nothing for some milliseconds.
+    Wait(u64),
+}
+
+/// Positions near the centre, within a reach of 50 mm, beyond it, and far off.
+fn position() -> impl Strategy<Value = Position> {
+    let coordinate = || prop_oneof![4 => -60_000..60_000, 4 => -500..500, 1 => any::<i32>()];
+    (coordinate(), coordinate()).prop_map(|(x_um, y_um)| Position { x_um, y_um })
+}
+
+/// Any order, moves and questions for arrival more often than others.
+pub fn order() -> impl Strategy<Value = Order> {
+    prop_oneof![
+        4 => position().prop_map(Order::MoveTo),
+        4 => Just(Order::HasArrived),
+        1 => Just(Order::Position),
+        1 => Just(Order::Stop),
+        2 => (0..30_u64).prop_map(Order::Wait),
+    ]
 }

@@ -15,7 +15,7 @@ use multiscopic::capture::{
 };
 use multiscopic_core::capture::{Position, Stage};
 use multiscopic_tests::simulated::{
-    clock::SimulatedClock,
+    SimulatedClock,
     machine::{BYTE, Firmware, InstantMachine},
 };
 use proptest::{
@@ -26,7 +26,7 @@ use proptest::{
 };
 use rayon::prelude::*;
 
-use super::orders::{Order, order};
+use super::hostile_arm::{Order, order};
 
 /// The machine's place when it is opened, in millimetres: whole inches, which each firmware reports exactly.
 const START: [f64; 2] = [127.0, 76.2];

@@ -9,7 +9,6 @@ mod hostile_arm;
 #[cfg(unix)]
 mod hostile_machine;
 mod mounts;
-mod orders;
 mod path;
 mod sequence;
 mod simulated;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use multiscopic::FloatImage;
-use multiscopic_tests::{program::Invocation, test_images::made_up::make};
+use multiscopic_tests::program::{Invocation, make};
 use tempfile::TempDir;
 
 /// A made-up capture.

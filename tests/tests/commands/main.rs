@@ -11,8 +11,6 @@ mod interruptions;
 mod lenses;
 mod live_view;
 mod photos;
-mod python_stub;
-mod rig_quality;
 mod scenes;
 mod search_ranges;
 mod shards;

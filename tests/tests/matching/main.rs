@@ -2,9 +2,7 @@
 
 mod arithmetic;
 mod bit_exact;
-mod golden;
 mod line_filters;
-mod path_patterns;
 mod patterns;
 mod priors;
 mod scanlines;

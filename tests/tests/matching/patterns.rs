@@ -6,7 +6,7 @@ use multiscopic_tests::{
     split_mix::Random,
     test_images::{
         core_match::{matched, params},
-        drawing::{assert_drawn, draw, synthesise},
+        view_set::{assert_drawn, draw, synthesise},
     },
 };
 

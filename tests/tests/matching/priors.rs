@@ -9,10 +9,12 @@ use multiscopic_core::{
     kernel::Portable,
 };
 use multiscopic_tests::{
-    engines::engines,
     reference::{AroundPrior, Fusion, gradients},
     split_mix::Random,
-    test_images::{case::property, core_match::params_in},
+    test_images::{
+        case::property,
+        core_match::{engines, params_in},
+    },
 };
 use proptest::prelude::any;
 

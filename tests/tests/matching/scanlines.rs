@@ -11,8 +11,7 @@ use multiscopic_tests::{
     split_mix::Random,
     test_images::{
         case::{Appearance, Case, cases, property},
-        core_match::{cut, matched},
-        strict_source::{FRAMES, StrictSource},
+        core_match::{FRAMES, StrictSource, cut, matched},
     },
 };
 

@@ -5,6 +5,5 @@ mod graph_cuts;
 mod lucas_kanade;
 mod network;
 mod network_passes;
-mod pairs;
 mod sgm;
 mod views;

@@ -21,12 +21,11 @@ use multiscopic_core::{
 };
 use multiscopic_edge::Wide;
 use multiscopic_tests::{
-    engines::engines,
     reference::{self, Fusion, NetworkInputs, semi_global::Cost},
     split_mix::Random,
     test_images::{
         case::{Case, cases, property},
-        core_match::views,
+        core_match::{engines, views},
         view_set::ViewSet,
     },
 };

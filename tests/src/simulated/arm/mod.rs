@@ -3,10 +3,7 @@
 //! Its protocols and poses were written from the manufacturer's documentation, without any code of the
 //! driver, and a third-party client must understand it too.
 
-mod rtde;
-mod script;
-mod script_port;
-mod variables;
+mod interfaces;
 mod world;
 
 use std::{
@@ -24,12 +21,11 @@ use multiscopic::capture::{
 };
 
 use super::{
-    clock::SimulatedClock,
+    SimulatedClock,
     network::{Service, SimulatedNetwork},
     pose::Pose,
 };
-use rtde::Rtde;
-use script_port::Scripts;
+use interfaces::{Rtde, Scripts};
 use world::World;
 
 pub use world::{Fault, Heard};

@@ -1,8 +1,6 @@
 //! Simulated machines that take G-code, through a pseudo-terminal or byte by byte.
 
-mod grbl;
-mod marlin;
-mod mechanics;
+mod firmware;
 
 use std::{
     collections::VecDeque,
@@ -18,12 +16,10 @@ use multiscopic::capture::{
 };
 use serialport::{SerialPort, TTYPort};
 
-use super::clock::SimulatedClock;
-use grbl::Grbl;
-use marlin::Marlin;
-use mechanics::{Control, Machine};
+use super::SimulatedClock;
+use firmware::{Control, Grbl, Machine, Marlin};
 
-pub use mechanics::Fault;
+pub use firmware::Fault;
 
 /// The time that a byte takes on a serial line: ten bits at 115 200 baud.
 pub const BYTE: Duration = Duration::from_nanos(86_806);

@@ -1,8 +1,11 @@
-//! The README's commands, run as it has them, on small images and simulated hardware; completions and man pages.
+//! The README's commands, run as it has them, on small images and simulated hardware; completions and man pages; and the types of
+//! Python's keyword arguments, which `python/multiscopic.pyi` repeats for type checkers.
 
-use std::{fs, path::Path, process::Command};
+use std::{env, fs, path::Path, process::Command};
 
+use multiscopic_options::keywords::{self, Keyword};
 use multiscopic_tests::program;
+
 #[cfg(target_os = "linux")]
 use multiscopic_tests::program::Invocation;
 
@@ -128,4 +131,22 @@ fn every_command_has_a_page() {
     }
     let page = fs::read_to_string(folder.join("multiscopic-calibrate-lens.1")).expect("a command of a command");
     assert!(page.contains("multiscopic\\-calibrate\\-lens"), "{page}");
+}
+
+/// With `MULTISCOPIC_BLESS` set, the stub is written anew.
+#[test]
+fn the_stub_of_the_python_package_lists_the_options() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/multiscopic.pyi");
+    let stub = fs::read_to_string(&path).unwrap();
+    let (before, rest) =
+        stub.split_once("    \"\"\"The keyword arguments of match(), whose help describes them.\"\"\"\n\n").unwrap();
+    let (listed, after) = rest.split_once("\n@final").unwrap();
+    let expected = keywords::stub(&Keyword::all());
+    if env::var_os("MULTISCOPIC_BLESS").is_some() {
+        let head = &stub[..stub.len() - rest.len()];
+        fs::write(&path, format!("{head}{expected}\n@final{after}")).unwrap();
+        return;
+    }
+    assert!(before.ends_with("class _Options(TypedDict, total=False):\n"));
+    assert_eq!(listed, expected, "write it anew with MULTISCOPIC_BLESS=1 cargo test -p multiscopic-tests --test commands stub");
 }

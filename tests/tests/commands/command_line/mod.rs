@@ -2,7 +2,6 @@
 
 mod bench;
 mod documentation;
-mod geometry;
 mod hostile_files;
 mod memory_demand;
 mod outputs;
@@ -22,7 +21,7 @@ use multiscopic_tests::{
 };
 
 use bench::Bench;
-use geometry::read_ply;
+use outputs::read_ply;
 
 /// The float reference's samples for the golden views.
 fn reference(views: [bool; 4], fusion: Fusion, min_disparity: i32, num_disparities: i32, block_size: i32) -> Vec<u16> {

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use multiscopic_tests::{program::Invocation, test_images::made_up::make};
+use multiscopic_tests::program::{Invocation, make};
 
 /// Reads a message of plain little-endian CDR: each number lies at a multiple of its size.
 struct Fields<'a> {

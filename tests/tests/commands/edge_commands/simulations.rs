@@ -14,7 +14,7 @@ use multiscopic_tests::{
     },
 };
 
-use super::{budgets::budget, confidences, folder, json};
+use super::{budget, confidences, folder, json};
 
 /// `simulate` equals `match` on the centre of the demo's frames, which are larger than the profile's.
 fn assert_simulated_as_matched(profile: &Profile) {

@@ -5,10 +5,7 @@ use std::io::Write;
 use multiscopic_tests::{program::Invocation, split_mix::Random};
 use serde_json::{Value, json};
 
-use super::{
-    page_server::{PageServer, wait_until},
-    rig,
-};
+use super::{PageServer, rig, wait_until};
 
 #[test]
 fn only_the_page_is_answered() {

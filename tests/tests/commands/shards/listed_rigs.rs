@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use multiscopic_tests::{program::Invocation, test_images::made_up::make};
+use multiscopic_tests::program::{Invocation, make};
 
 use super::Desk;
 

@@ -2,7 +2,7 @@
 
 use multiscopic::Processor;
 
-use crate::tools::tool::{self, Tool};
+use crate::tools::{self, Tool};
 
 /// A board: how its firmware is built and emulated.
 pub struct EmulatedBoard {
@@ -41,7 +41,7 @@ pub const REFERENCE: EmulatedBoard = EmulatedBoard {
     feature: None,
     target: "thumbv7em-none-eabihf",
     rustflags: "",
-    emulator: &tool::QEMU,
+    emulator: &tools::QEMU,
     machine: "mps2-an386",
     ram: 256 * 1024,
 };
@@ -54,7 +54,7 @@ pub const VECTORS: EmulatedBoard = EmulatedBoard {
     feature: Some("an547"),
     target: "thumbv8m.main-none-eabihf",
     rustflags: "-Ctarget-cpu=cortex-m55",
-    emulator: &tool::QEMU,
+    emulator: &tools::QEMU,
     machine: "mps3-an547",
     ram: 512 * 1024,
 };
@@ -78,7 +78,7 @@ pub const PICO: EmulatedBoard = EmulatedBoard {
     feature: Some("rp2350"),
     target: "thumbv8m.main-none-eabihf",
     rustflags: "-Ctarget-cpu=cortex-m33",
-    emulator: &tool::QEMU,
+    emulator: &tools::QEMU,
     machine: "mps2-an505",
     ram: 512 * 1024,
 };
@@ -91,7 +91,7 @@ pub const RISC_V: EmulatedBoard = EmulatedBoard {
     feature: Some("rp2350-riscv"),
     target: "riscv32imac-unknown-none-elf",
     rustflags: "",
-    emulator: &tool::QEMU_RISCV,
+    emulator: &tools::QEMU_RISCV,
     machine: "virt",
     ram: PICO.ram,
 };

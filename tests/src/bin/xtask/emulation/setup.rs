@@ -4,12 +4,12 @@ use anyhow::{Context, Result};
 
 use crate::{
     emulation::emulated_board,
-    tools::{tool, toolchain::Toolchain},
+    tools::{self, toolchain::Toolchain},
 };
 
 /// Makes sure that every tool and target is installed.
 pub fn run() -> Result<Toolchain> {
-    for tool in &tool::ALL {
+    for tool in &tools::ALL {
         eprintln!("setup: {}", tool.install()?);
     }
     let toolchain = toolchain()?;

@@ -16,13 +16,13 @@ use std::{
 
 use crate::{
     emulation::{
+        self, Exit,
         build::{self, Program},
         debugger::{Debugger, Stop},
         emulated_board::{EmulatedBoard, REFERENCE},
-        emulator::{self, Exit},
     },
-    firmware_checks::{image_set::ImageSet, received},
-    system::{folders, free_ports, workers},
+    firmware_checks::frames::{self, ImageSet},
+    system::{folders, free_ports, in_parallel},
     tools::toolchain::Toolchain,
 };
 
@@ -114,7 +114,7 @@ impl BitFlips {
         target.without_flips()?;
         target.stuck()?;
         let seeds: Vec<u64> = (0..self.count as u64).map(|n| self.seed.wrapping_add(n << 32)).collect();
-        let effects = workers::map(&seeds, |&seed| target.flip(seed).with_context(|| format!("a flip of seed {seed:#x}")))?;
+        let effects = in_parallel(&seeds, |&seed| target.flip(seed).with_context(|| format!("a flip of seed {seed:#x}")))?;
         let mut tally = BTreeMap::<Part, BTreeMap<Effect, usize>>::new();
         for (part, effect) in effects {
             *tally.entry(part).or_default().entry(effect).or_default() += 1;
@@ -160,7 +160,7 @@ impl<'a> Target<'a> {
     /// Every frame is right where nothing is flipped.
     fn without_flips(&self) -> Result<()> {
         let folder = self.folder("none")?;
-        let exit = emulator::start(BOARD, self.image, &[""], &folder, &CLOCK)?.end(LIMIT)?;
+        let exit = emulation::start(BOARD, self.image, &[""], &folder, &CLOCK)?.end(LIMIT)?;
         let effect = self.effect(&exit, &folder)?;
         ensure!(effect == Effect::Nothing, "without a flip: {effect}:\n{}", exit.output);
         Ok(())
@@ -169,7 +169,7 @@ impl<'a> Target<'a> {
     /// The watchdog ends what is stuck.
     fn stuck(&self) -> Result<()> {
         let folder = self.folder("stuck")?;
-        let exit = emulator::start(BOARD, self.image, &["stuck"], &folder, &CLOCK)?.end(LIMIT)?;
+        let exit = emulation::start(BOARD, self.image, &["stuck"], &folder, &CLOCK)?.end(LIMIT)?;
         let effect = self.effect(&exit, &folder)?;
         ensure!(effect == Effect::Ended("the watchdog"), "stuck firmware: {effect}:\n{}", exit.output);
         println!("flips: {}", exit.output.lines().last().unwrap_or_default());
@@ -180,10 +180,10 @@ impl<'a> Target<'a> {
     fn flip(&self, seed: u64) -> Result<(Part, Effect)> {
         let mut random = Random(seed);
         let folder = self.folder(&format!("{seed:x}"))?;
-        let [port] = free_ports::find()?;
+        let [port] = free_ports()?;
         let address = format!("tcp:127.0.0.1:{port}");
         let options = [&CLOCK[..], &["-S", "-gdb", &address]].concat();
-        let running = emulator::start(BOARD, self.image, &[""], &folder, &options)?;
+        let running = emulation::start(BOARD, self.image, &[""], &folder, &options)?;
         let mut debugger = Debugger::connect(port)?;
         let part = Part::ALL[random.below(Part::ALL.len())];
         let (phase, steps) = match part {
@@ -245,8 +245,8 @@ impl<'a> Target<'a> {
     /// The first pixel that differs from this machine's, if any does. Fails if the receiver has anything to report.
     fn differs(&self, packets: &Path) -> Result<Option<String>> {
         let bytes = fs::read(packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
-        let received = received::whole(&bytes, packets, self.matching.search())?;
-        Ok(received::same(&received.disparities, &self.expected).err().map(|difference| difference.to_string()))
+        let received = frames::whole(&bytes, packets, self.matching.search())?;
+        Ok(frames::same(&received.disparities, &self.expected).err().map(|difference| difference.to_string()))
     }
 
     /// An own folder with the frames.

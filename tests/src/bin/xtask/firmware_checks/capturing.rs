@@ -7,12 +7,12 @@ use std::{fs, path::Path};
 
 use crate::{
     emulation::{
+        self,
         build::{self, Program},
         emulated_board::{self, EmulatedBoard},
-        emulator,
     },
-    firmware_checks::{image_set::ImageSet, received},
-    system::{folders, workers},
+    firmware_checks::frames::{self, ImageSet},
+    system::{folders, in_parallel},
     tools::toolchain::Toolchain,
 };
 
@@ -90,7 +90,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     let whole = images.iter().map(|(board, image)| Run { board, image, case: WHOLE });
     let faults = images.iter().take(1).flat_map(|(board, image)| FAULTS.map(|case| Run { board, image, case }));
     let runs: Vec<_> = whole.chain(faults).collect();
-    let messages = workers::map(&runs, |run| run.check(&set, &expected).with_context(|| format!("capture: {}", run.name())))?;
+    let messages = in_parallel(&runs, |run| run.check(&set, &expected).with_context(|| format!("capture: {}", run.name())))?;
     for (run, message) in runs.iter().zip(messages) {
         println!("capture: {}: {message}", run.name());
     }
@@ -112,7 +112,7 @@ impl Run<'_> {
         }
         set.write(&folder)?;
         let args: Vec<&str> = arguments.split(' ').collect();
-        let exit = emulator::run(self.board, self.image, &args, &folder, None)?;
+        let exit = emulation::run(self.board, self.image, &args, &folder, None)?;
         let found = format!("exit code {} and printed:\n{}", exit.code, exit.output);
         ensure!(exit.code == code, "expected exit code {code}, the firmware ended with {found}");
         let line = exit.output.lines().find(|line| line.contains(message));
@@ -128,5 +128,5 @@ impl Run<'_> {
 /// Fails unless the packets at `path` are a complete frame of the expected disparities.
 fn same(path: &Path, params: &BlockMatchingParams, expected: &[Option<Disparity>]) -> Result<()> {
     let bytes = fs::read(path).with_context(|| format!("the firmware sent no {}", path.display()))?;
-    received::same(&received::whole(&bytes, path, params.search())?.disparities, expected)
+    frames::same(&frames::whole(&bytes, path, params.search())?.disparities, expected)
 }

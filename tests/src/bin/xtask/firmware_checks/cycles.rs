@@ -10,15 +10,14 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use crate::{
     counts::{self, Counts},
     emulation::{
-        block_trace::{self, BlockTrace, Succession, TracedBlock},
+        self,
         build::{self, Program},
-        counter::{Counter, Instructions},
+        counter::{self, BlockTrace, Counter, Instructions, Succession, TracedBlock},
         emulated_board::{self, EmulatedBoard},
-        emulator,
     },
-    firmware_checks::{image_set::ImageSet, profiles},
+    firmware_checks::{frames::ImageSet, profiles},
     system::folders,
-    timing::{disassembly::Disassembly, price},
+    timing::{self, disassembly::Disassembly},
     tools::toolchain::Toolchain,
 };
 
@@ -118,10 +117,10 @@ fn costs(
 ) -> Result<BTreeMap<String, Cost>> {
     let folder = folders::edge_target().join("runs").join("cycles").join(board.name).join(profile.name).join(fusion.name());
     ImageSet::demo(&profile.matching(fusion)).write(&folder)?;
-    let plugin = format!("{},{}", counter.plugin(image)?, block_trace::ARGUMENT);
-    let exit = emulator::run(board, image, &[fusion.name()], &folder, Some(&plugin))?;
+    let plugin = format!("{},{}", counter.plugin(image)?, counter::TRACE_ARGUMENT);
+    let exit = emulation::run(board, image, &[fusion.name()], &folder, Some(&plugin))?;
     ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
-    let costs = priced(&block_trace::read(&folder)?, disassembly, processor)?;
+    let costs = priced(&counter::read_trace(&folder)?, disassembly, processor)?;
     let (traced, counted) = (costs.values().copied().sum::<Cost>().instructions, Instructions::read(&folder)?.pipeline());
     ensure!(traced == counted, "the blocks have {traced} instructions, the emulator counted {counted}");
     Ok(costs)
@@ -131,14 +130,14 @@ fn costs(
 fn priced(trace: &BlockTrace, disassembly: &Disassembly, processor: Processor) -> Result<BTreeMap<String, Cost>> {
     let code = |block: TracedBlock| disassembly.code(block.address, block.instructions);
     let pairs: Vec<_> = trace.keys().map(|pair| pair.map(code)).collect();
-    let added = price::added(processor, pairs.iter().map(|pair| pair.each_ref().map(|code| &*code.instructions)))?;
+    let added = timing::added(processor, pairs.iter().map(|pair| pair.each_ref().map(|code| &*code.instructions)))?;
     let mut costs = BTreeMap::<String, Cost>::new();
     for (((&[_, block], &Succession { times, splits }), [before, after]), added) in trace.iter().zip(&pairs).zip(added) {
         let branch = before.instructions.last().filter(|_| before.end != block.address);
-        let refill = branch.map_or(0, |branch| price::refill(processor, branch));
+        let refill = branch.map_or(0, |branch| timing::refill(processor, branch));
         let cost = costs.entry(disassembly.function(block.address)?.to_owned()).or_default();
         cost.instructions += times * after.instructions.len() as u64;
-        cost.cycles += times * (added + refill) + splits * price::split(processor);
+        cost.cycles += times * (added + refill) + splits * timing::split(processor);
     }
     Ok(costs)
 }

@@ -10,11 +10,11 @@ use std::{
 
 use crate::{
     emulation::{
+        self,
         build::{self, Program},
         emulated_board::{self, EmulatedBoard},
-        emulator,
     },
-    firmware_checks::image_set::ImageSet,
+    firmware_checks::frames::ImageSet,
     system::{folders, process},
     tools::toolchain::Toolchain,
 };
@@ -105,7 +105,7 @@ fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
 
 /// Runs `image`, which must end with `code` and a message that contains `message`.
 fn ends(board: &EmulatedBoard, image: &Path, arg: &str, folder: &Path, code: i32, message: &str) -> Result<()> {
-    let exit = emulator::run(board, image, &[arg], folder, None)?;
+    let exit = emulation::run(board, image, &[arg], folder, None)?;
     let found = format!("exit code {} and printed:\n{}", exit.code, exit.output);
     ensure!(
         exit.code == code && exit.output.contains(message),

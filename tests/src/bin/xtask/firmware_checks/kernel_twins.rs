@@ -5,6 +5,7 @@ use std::fs;
 
 use crate::{
     emulation::{
+        self,
         build::{self, Program},
         emulated_board, emulator,
     },
@@ -18,7 +19,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         let folder = folders::edge_target().join("runs").join("kernels").join(board.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for image in build::build(toolchain, board, &["kernels", "matches", "path_matches"].map(Program::Example))? {
-            let exit = emulator::run(board, &image, &[""], &folder, None)?;
+            let exit = emulation::run(board, &image, &[""], &folder, None)?;
             ensure!(exit.code == 0, "a kernel differs from its twin on a {}:\n{}", board.core, exit.output);
             println!("{} on a {}", exit.output.lines().last().unwrap_or_default(), board.core);
         }

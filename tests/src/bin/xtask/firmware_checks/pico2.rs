@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 use std::process::Command;
 
 use crate::{
-    emulation::footprint::Footprint,
+    emulation::build::Footprint,
     system::{folders, process::run},
     tools::toolchain::Toolchain,
 };

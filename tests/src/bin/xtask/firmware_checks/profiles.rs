@@ -17,17 +17,18 @@ use std::{
 use crate::{
     counts::{self, Counts},
     emulation::{
-        build::{self, Program},
+        self,
+        build::{self, Footprint, Program},
         counter::{Counter, Instructions},
         emulated_board::{self, EmulatedBoard},
-        emulator,
-        footprint::Footprint,
     },
-    firmware_checks::{image_set::ImageSet, price_fit, received, rectifying},
+    firmware_checks::{
+        frames::{self, ImageSet},
+        price_fit, rectifying,
+    },
     system::{
-        folders,
+        folders, in_parallel,
         process::{command, read},
-        workers,
     },
     tools::toolchain::Toolchain,
 };
@@ -193,7 +194,7 @@ fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     let mut table = if selection.fit { fitted(toolchain, selection, &counter)? } else { MEASURED.clone() };
     let runs = build(toolchain, selection)?;
     ensure!(!runs.is_empty(), "no selected board has enough RAM for a selected profile");
-    let mut measurements = workers::map(&runs, |run| {
+    let mut measurements = in_parallel(&runs, |run| {
         let measurement = run.measure(&counter).with_context(|| format!("edge: {}", run.name()))?;
         println!("edge: {}: identical to this machine on {}", run.name(), measurement.images);
         Ok(measurement)
@@ -297,9 +298,9 @@ impl Run {
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;
         let simulation = simulate(&self.profile, self.fusion, &images.frames().planes(), &|| ())?;
-        received::same_lines(&bytes, &simulation.packets)?;
-        received::same(&received.disparities, &images.disparities(&matching)?)?;
-        received::same_confidences(received.confidences.as_ref(), images.confidences(&matching)?.as_ref())?;
+        frames::same_lines(&bytes, &simulation.packets)?;
+        frames::same(&received.disparities, &images.disparities(&matching)?)?;
+        frames::same_confidences(received.confidences.as_ref(), images.confidences(&matching)?.as_ref())?;
         let stack_max = received.stack.context("the firmware did not measure its stack")?;
         let (footprint, instructions) = (Footprint::of(&self.image)?, Instructions::read(&folder)?);
         let ram_static = footprint.ram() as usize;
@@ -331,11 +332,11 @@ impl Run {
             fs::remove_file(&packets)?;
         }
         let plugin = counter.plugin(&self.image)?;
-        let exit = emulator::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
+        let exit = emulation::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
         let matching = self.profile.matching(self.fusion);
-        let received = received::whole(&bytes, &packets, matching.search()).with_context(|| packets.display().to_string())?;
+        let received = frames::whole(&bytes, &packets, matching.search()).with_context(|| packets.display().to_string())?;
         Ok((bytes, received))
     }
 }

@@ -20,14 +20,13 @@ use std::{
 use crate::{
     counts::{self, Counts},
     emulation::{
-        build::{self, Program},
+        self,
+        build::{self, Footprint, Program},
         counter::{Counter, Instructions},
         emulated_board::EmulatedBoard,
-        emulator,
-        footprint::Footprint,
     },
-    firmware_checks::{distorted_set::DistortedSet, received},
-    system::{folders, workers},
+    firmware_checks::{distorted_set::DistortedSet, frames},
+    system::{folders, in_parallel},
     tools::toolchain::Toolchain,
 };
 
@@ -91,7 +90,7 @@ pub fn run(toolchain: &Toolchain, boards: &[&'static EmulatedBoard], update: boo
         let ways = Way::ALL.into_iter().zip(&expected);
         runs.extend(ways.map(|(way, expected)| Run { board, image: image.clone(), way, expected }));
     }
-    let measurements = workers::map(&runs, |run| run.measure(&counter).with_context(|| format!("edge: {}", run.name())))?;
+    let measurements = in_parallel(&runs, |run| run.measure(&counter).with_context(|| format!("edge: {}", run.name())))?;
     let [lines, displacements] = set.bytes()?;
     let mut counts = Counts::new();
     for (pair, measured) in runs.chunks_exact(2).zip(measurements.chunks_exact(2)) {
@@ -173,11 +172,11 @@ impl Run<'_> {
             fs::remove_file(&packets)?;
         }
         let plugin = counter.plugin(&self.image)?;
-        let exit = emulator::run(self.board, &self.image, &[self.way.argument()], &folder, Some(&plugin))?;
+        let exit = emulation::run(self.board, &self.image, &[self.way.argument()], &folder, Some(&plugin))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
-        let frame = received::whole(&bytes, &packets, QQVGA.matching(FUSION).search())?;
-        received::same_lines(&bytes, self.expected)?;
+        let frame = frames::whole(&bytes, &packets, QQVGA.matching(FUSION).search())?;
+        frames::same_lines(&bytes, self.expected)?;
         Ok(Measurement {
             statics: Footprint::of(&self.image)?.ram() as usize,
             stack: frame.stack.context("the firmware did not measure its stack")?,

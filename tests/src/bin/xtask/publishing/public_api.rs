@@ -6,7 +6,7 @@ use clap::Args;
 use super::crates;
 use crate::{
     system::process::{command, read, run},
-    tools::cargo_tool,
+    tools,
 };
 
 /// The features with which the host is compared: all but `v4l2`, whose published bindings need libclang.
@@ -32,7 +32,7 @@ impl PublicApi {
             return Ok(());
         };
         for package in crates::PUBLISHED.into_iter().filter(|&package| package != crates::PROGRAM) {
-            let mut check = cargo_tool::SEMVER_CHECKS.command()?;
+            let mut check = tools::SEMVER_CHECKS.command()?;
             check.args(["--baseline-rev", &baseline, "--package", package]);
             if package == crates::HOST {
                 check.args(["--only-explicit-features", "--features", HOST_FEATURES]);

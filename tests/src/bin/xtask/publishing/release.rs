@@ -19,7 +19,7 @@ use crate::{
         folders,
         process::{built, built_optimized_program, command, read, run},
     },
-    tools::{tool, toolchain},
+    tools::{self, toolchain},
 };
 
 const NAME: &str = concat!("multiscopic-", env!("CARGO_PKG_VERSION"));
@@ -77,7 +77,7 @@ pub fn check() -> Result<()> {
         fs::create_dir_all(&unpacked)?;
         let (archive_name, folder) = (archive.display().to_string(), unpacked.display().to_string());
         let prefix = if archive_name.ends_with(".deb") {
-            run(&mut tool::DPKG_DEB.install()?.command(&["-x", &archive_name, &folder])?)?;
+            run(&mut tools::DPKG_DEB.install()?.command(&["-x", &archive_name, &folder])?)?;
             unpacked.join("usr")
         } else {
             run(&mut command("tar", ["-xzf", &archive_name, "-C", &folder]))?;
@@ -127,7 +127,7 @@ fn archives(program: &Path, folder: &str) -> Result<Vec<PathBuf>> {
     let words = ["-euc", pack, "sh", &date, &name, &tar.to_string_lossy()];
     run(command("sh", words).current_dir(&folder))?;
     let mut archives = vec![tar];
-    match tool::DPKG_DEB.find() {
+    match tools::DPKG_DEB.find() {
         Some(dpkg_deb) => {
             let root = folder.join("debian");
             fs::create_dir_all(root.join("DEBIAN"))?;

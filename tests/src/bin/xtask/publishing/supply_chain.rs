@@ -16,7 +16,7 @@ use crate::{
         folders,
         process::{command, read, run},
     },
-    tools::cargo_tool,
+    tools,
 };
 
 /// The document with the reason for each direct dependency and the count of unsafe code.
@@ -59,10 +59,10 @@ impl SupplyChain {
         complaints.extend(differences("row of unsafe code", &counted, &written));
         ensure!(complaints.is_empty(), "{DOCUMENT} is not up to date:\n{}", complaints.join("\n"));
         if self.deny {
-            run(cargo_tool::DENY.command()?.args(["--locked", "check", "bans", "licenses", "sources"]))?;
+            run(tools::DENY.command()?.args(["--locked", "check", "bans", "licenses", "sources"]))?;
         }
         if self.advisories {
-            run(cargo_tool::DENY.command()?.args(["--locked", "check", "advisories"]))?;
+            run(tools::DENY.command()?.args(["--locked", "check", "advisories"]))?;
         }
         if let Some(path) = &self.sbom {
             let text = serde_json::to_string_pretty(&workspace.bill_of_materials())?;

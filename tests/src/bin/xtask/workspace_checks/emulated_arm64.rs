@@ -8,7 +8,7 @@ use crate::{
         folders,
         process::{built_program, run},
     },
-    tools::{tool, toolchain::Toolchain},
+    tools::{self, toolchain::Toolchain},
 };
 
 const TARGET: &str = "aarch64-unknown-linux-gnu";
@@ -38,7 +38,7 @@ pub fn run_tests() -> Result<()> {
 }
 
 fn emulate() -> Result<()> {
-    let (linker, emulator) = (tool::AARCH64_CC.install()?, tool::QEMU_AARCH64.install()?);
+    let (linker, emulator) = (tools::AARCH64_CC.install()?, tools::QEMU_AARCH64.install()?);
     ensure!(Path::new(SYSROOT).is_dir(), "{SYSROOT} is missing; run\n  sudo apt-get install libc6-dev-arm64-cross");
     let toolchain = Toolchain::install(&[TARGET]).context("the Rust target of 64-bit Arm")?;
     let cargo = |verb: &str| {
@@ -53,7 +53,8 @@ fn emulate() -> Result<()> {
     // Together, so that the library is built once.
     run(cargo("build").args(["--bin", "multiscopic"]))?;
     // The engine's matches, and random matches of semi-global matching.
-    run(cargo("test").args(["--", "engine::", "semi_global::"])).context("a kernel of 64-bit Arm differs from the reference")?;
+    run(cargo("test").args(["--", "engines_equal", "semi_global::"]))
+        .context("a kernel of 64-bit Arm differs from the reference")?;
     println!("aarch64: every kernel equals the reference in the emulator");
     let program = folders::edge_target().join(TARGET).join("debug/multiscopic");
     same_maps(&|| {

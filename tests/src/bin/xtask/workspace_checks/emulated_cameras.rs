@@ -5,15 +5,12 @@ use multiscopic_tests::test_images::real_data::{self, Dataset};
 use std::env::consts::ARCH;
 
 use crate::{
-    machine::{
-        linux::{self, Linux},
-        virtual_machine::Machine,
-    },
+    machine::{LINUX_TOOLS, Linux, Machine},
     system::{
         folders,
         process::{OPTIMIZED, built_optimized_program, built_test, command, run},
     },
-    tools::{debian, tool},
+    tools::{self, debian},
 };
 
 /// The test program that needs cameras.
@@ -48,7 +45,7 @@ fn missing() -> Option<String> {
     if debian::can_install() {
         return None;
     }
-    let refused = [&tool::QEMU_X86].into_iter().chain(&linux::TOOLS).find_map(|tool| tool.install().err());
+    let refused = [&tools::QEMU_X86].into_iter().chain(&LINUX_TOOLS).find_map(|tool| tool.install().err());
     match Linux::current() {
         _ if refused.is_some() => refused.map(|refusal| format!("{refusal:#}")),
         None => Some("no list of packages; run `sudo apt-get update` first".into()),

@@ -13,9 +13,8 @@ use multiscopic_tests::program::within;
 
 use super::sanitizing::{apart, instrumented};
 use crate::system::{
-    folders,
+    folders, in_parallel,
     process::{command, run},
-    workers,
 };
 
 /// Instruments code for libFuzzer: counters of edges, their table, and compared values; and for AddressSanitizer, which ends the
@@ -138,7 +137,7 @@ fn fuzz_blindly(target: &str, program: &Path, inputs: u64) -> Result<()> {
     let start = Instant::now();
     let count = inputs.div_ceil(PART).max(2);
     let parts: Vec<_> = (1..=count).map(|number| (number, inputs / count + u64::from(number <= inputs % count))).collect();
-    workers::map(&parts, |(number, inputs)| {
+    in_parallel(&parts, |(number, inputs)| {
         let mut fuzzer = in_memory(within(MEMORY as usize, program));
         run(fuzzer.arg(target).args([number, inputs, &LONGEST].map(u64::to_string)).arg(&seeds).args(&found))
     })?;

@@ -12,7 +12,7 @@ use crate::{
         folders,
         process::{built_optimized_program, read},
     },
-    tools::tool::{self, InstalledProgram},
+    tools::{self, InstalledProgram},
 };
 
 const WIDTH: u64 = 640;
@@ -43,7 +43,7 @@ impl Guard {
             println!("instructions: skipped, the record is for x86_64 Linux");
             return Ok(());
         }
-        let valgrind = tool::VALGRIND.install()?;
+        let valgrind = tools::VALGRIND.install()?;
         let binary = built_optimized_program()?;
         let mut counts = Counts::new();
         for kernel in KERNELS {

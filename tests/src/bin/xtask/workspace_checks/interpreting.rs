@@ -27,7 +27,7 @@ const TESTS: [&[&str]; 2] = [
         "--test=matching",
         "--",
         "small_matches",
-        "engine::",
+        "engines_equal",
         "priors::",
         "semi_global_matches",
         "--skip=wide_images",

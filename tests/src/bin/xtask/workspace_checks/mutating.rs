@@ -5,7 +5,7 @@ use std::fs;
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 
-use crate::{system::folders, tools::cargo_tool};
+use crate::{system::folders, tools};
 
 /// The parts of the code to break.
 #[derive(Args)]
@@ -117,7 +117,7 @@ impl Mutating {
     fn try_mutants(&self, part: &Part) -> Result<u64> {
         let folder = folders::target().join("mutants").join(part.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        let mut mutants = cargo_tool::MUTANTS.command()?;
+        let mut mutants = tools::MUTANTS.command()?;
         mutants.args(["--package", part.package, "--no-default-features", "--profile", "mutants"]);
         mutants.args(part.files.iter().flat_map(|glob| ["--file", glob]));
         mutants.args(part.excluded.iter().flat_map(|glob| ["--exclude", glob]));

@@ -9,7 +9,7 @@ use crate::{
         folders,
         process::{built_optimized_program, command, run},
     },
-    tools::tool,
+    tools,
 };
 
 /// The tests and what they need, in `tests/page`.
@@ -19,7 +19,7 @@ const FILES: [&str; 7] =
 /// Makes the page of the demo, and tests it, the live view of the demo, and how fast the page of a large rig is. The screenshots
 /// stay in `target/page/screenshots`.
 pub fn run_tests() -> Result<()> {
-    let (browser, node, npm) = (tool::CHROMIUM.install()?, tool::NODE.install()?, tool::NPM.install()?);
+    let (browser, node, npm) = (tools::CHROMIUM.install()?, tools::NODE.install()?, tools::NPM.install()?);
     let folder = folders::target().join("page");
     let screenshots = folder.join("screenshots");
     fs::create_dir_all(&screenshots).with_context(|| format!("cannot make {}", screenshots.display()))?;

@@ -13,7 +13,7 @@ use crate::{
         folders,
         process::{built_extension, built_program, command, run},
     },
-    tools::tool,
+    tools,
 };
 
 /// The versions of what builds and tests it, with their checksums, as `uv pip compile --universal --generate-hashes` writes them.
@@ -84,7 +84,7 @@ impl PythonEnvironment {
             return Ok(environment);
         }
         let _ = fs::remove_dir_all(&environment.folder);
-        let interpreter = tool::PYTHON.install()?;
+        let interpreter = tools::PYTHON.install()?;
         run(interpreter.command(&["-m", "venv"])?.arg(&environment.folder))?;
         let pip =
             ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--require-hashes", "--requirement", requirements];

@@ -11,7 +11,7 @@ use crate::{
         folders,
         process::{command, run},
     },
-    tools::{tool, toolchain},
+    tools::{self, toolchain},
 };
 
 /// The units of the libraries, and the comparisons of all methods and kernels with their references.
@@ -65,7 +65,7 @@ pub fn instrumented(verb: &str, instruments: &str, folder: &str) -> Result<(Comm
 
 /// The command that runs tests in Valgrind.
 fn under_valgrind() -> Result<Command> {
-    let (valgrind, (mut cargo, _)) = (tool::VALGRIND.install()?, apart("test", "watched")?);
+    let (valgrind, (mut cargo, _)) = (tools::VALGRIND.install()?, apart("test", "watched")?);
     cargo.env("MULTISCOPIC_EFFORT", "0.1");
     let runner = format!("CARGO_TARGET_{}_RUNNER", toolchain::host()?.replace('-', "_").to_uppercase());
     cargo.env(runner, format!("{valgrind} --quiet --error-exitcode=99 --main-stacksize=67108864"));

@@ -1,17 +1,20 @@
-//! The folder that all nodes of a cluster see.
+//! What the nodes of a cluster share: the folder that all of them see, daemons on this machine, and the programs in
+//! docs/many-machines.md.
 
 use anyhow::{Context, Result, ensure};
 use std::{
     collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
-    process::Command,
+    process::{Child, Command, Stdio},
     thread,
     time::{Duration, Instant},
 };
 
-use super::guide;
-use crate::system::process::{command, run};
+use crate::system::{
+    folders,
+    process::{command, read, run},
+};
 
 /// The number of rigs in the list.
 const RIGS: usize = 24;
@@ -39,7 +42,7 @@ impl SharedFolder {
         run(shared.command(&program.to_string_lossy()).args(scenes))?;
         let list: String = (0..RIGS).map(|number| format!("rigs/{number:04}\n")).collect();
         fs::write(shared.path("rigs.txt"), list)?;
-        run(shared.command("sh").args(["-e", "-c", &guide::block("--results whole")?]))?;
+        run(shared.command("sh").args(["-e", "-c", &guide_block("--results whole")?]))?;
         shared.expected = fs::read_to_string(shared.path("whole.json"))?;
         Ok(shared)
     }
@@ -93,4 +96,74 @@ impl SharedFolder {
         };
         rigs.iter().map(|rig| pair(rig).context("a rig without disparities")).collect()
     }
+}
+
+/// A running program, which ends with its descendants when it is dropped.
+pub struct Daemon(Child);
+
+impl Daemon {
+    /// Starts a program that writes to a log.
+    pub fn start(command: &mut Command, log: &Path) -> Result<Daemon> {
+        let file = fs::File::create(log).with_context(|| format!("cannot write {}", log.display()))?;
+        command.stdin(Stdio::null()).stdout(file.try_clone()?).stderr(file);
+        let program = command.get_program().to_string_lossy().into_owned();
+        command.spawn().map(Daemon).with_context(|| format!("cannot start {program}"))
+    }
+
+    /// Returns true if it still runs.
+    pub fn is_running(&mut self) -> Result<bool> {
+        Ok(self.0.try_wait()?.is_none())
+    }
+
+    /// The program and its descendants.
+    pub fn processes(&self) -> Result<Vec<u32>> {
+        let parents = parents()?;
+        let mut processes = vec![self.0.id()];
+        for index in 0.. {
+            let Some(&parent) = processes.get(index) else { break };
+            processes.extend(parents.iter().filter(|(_, of)| *of == parent).map(|(process, _)| *process));
+        }
+        Ok(processes)
+    }
+
+    /// Kills it with its descendants at once, as when its machine fails.
+    pub fn kill(&mut self) -> Result<()> {
+        kill_processes(&self.processes()?)?;
+        self.0.wait()?;
+        Ok(())
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // It may have ended, and there is nobody to tell.
+        let _ = self.kill();
+    }
+}
+
+/// Kills processes. Those that have ended meanwhile are no error.
+pub fn kill_processes(processes: &[u32]) -> Result<()> {
+    let processes = processes.iter().map(u32::to_string);
+    command("kill", ["-9".to_owned()].into_iter().chain(processes)).stderr(Stdio::null()).status()?;
+    Ok(())
+}
+
+/// All processes with their parents.
+pub fn parents() -> Result<Vec<(u32, u32)>> {
+    let list = read(&mut command("ps", ["-e", "-o", "pid=,ppid="]))?;
+    let pair = |line: &str| {
+        let mut numbers = line.split_whitespace().map(str::parse);
+        Some((numbers.next()?.ok()?, numbers.next()?.ok()?))
+    };
+    Ok(list.lines().filter_map(pair).collect())
+}
+
+const GUIDE: &str = "docs/many-machines.md";
+
+/// The block of code in the guide that contains some words.
+pub fn guide_block(words: &str) -> Result<String> {
+    let text = fs::read_to_string(folders::root().join(GUIDE)).with_context(|| format!("cannot read {GUIDE}"))?;
+    let blocks = text.split("```").skip(1).step_by(2).filter_map(|block| Some(block.split_once('\n')?.1));
+    let found = blocks.map(str::to_owned).find(|block| block.contains(words));
+    found.with_context(|| format!("{GUIDE} has no block of code with {words}"))
 }

@@ -1,27 +1,109 @@
-//! A Linux kernel with camera drivers, from Debian's packages.
+//! A virtual machine with cameras: Linux with camera drivers from Debian's packages, and its initial file system as a cpio
+//! archive.
 
 use anyhow::{Context, Result, bail, ensure};
+use cpio::{
+    NewcBuilder,
+    newc::{self, ModeFileType},
+};
 use object::{Object, ObjectSection};
 use std::{
-    collections::HashSet,
-    fs,
-    path::{Path, PathBuf},
+    collections::{BTreeMap, HashSet},
+    fs::{self, File},
+    io::Write,
+    path::{Component, Path, PathBuf},
+    process::Stdio,
+    time::Duration,
 };
 
 use crate::{
-    machine::archive::Archive,
     system::{
         folders,
-        process::{command, read},
+        process::{command, exit_code_within, read},
     },
-    tools::{
-        debian,
-        tool::{self, Tool},
-    },
+    tools::{self, Tool, debian},
 };
 
+/// The time limit of a run. Only a hung one reaches it.
+const LIMIT: Duration = Duration::from_secs(1800);
+
+/// The machine's RAM.
+const MEMORY: &str = "1G";
+
+/// The texts that the machine prints before and after the tests' output.
+const UP: &str = "guest: up ";
+const EXIT_CODE: &str = "guest: exit code ";
+
+/// A virtual machine under construction.
+pub struct Machine {
+    kernel: Linux,
+    files: Archive,
+}
+
+impl Machine {
+    /// A machine with drivers and a shell only.
+    pub fn new() -> Result<Machine> {
+        let kernel = Linux::install()?;
+        let mut files = Archive::default();
+        files.copy(&folders::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
+        Ok(Machine { kernel, files })
+    }
+
+    /// Copies a program of the host and its shared libraries, under the same paths.
+    pub fn add_program(&mut self, program: &Path) -> Result<()> {
+        self.files.copy(program, program)?;
+        // `libc.so.6 => /lib/x86_64-linux-gnu/libc.so.6 (0x...)`, and the loader without an arrow.
+        let listed = read(command("ldd", [""; 0]).arg(program))?;
+        let paths = listed.split_whitespace().filter(|word| word.starts_with('/'));
+        paths.map(Path::new).try_for_each(|path| self.files.copy(path, path))
+    }
+
+    /// Copies the files of a folder of the host, under the same paths.
+    pub fn add_folder(&mut self, folder: &Path) -> Result<()> {
+        let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+        let paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<PathBuf>>>()?;
+        paths.iter().filter(|path| path.is_file()).try_for_each(|path| self.files.copy(path, path))
+    }
+
+    /// Runs a shell script and prints its output. Fails unless its exit code is 0.
+    pub fn run(mut self, script: &str) -> Result<()> {
+        self.files.file(Path::new("tests.sh"), script.as_bytes());
+        let folder = folders::target().join("v4l2");
+        let (archive, log) = (folder.join("machine.cpio"), folder.join("output.txt"));
+        fs::create_dir_all(&folder)?;
+        // Linux unpacks concatenated archives one after the other.
+        let mut system = fs::read(&self.kernel.system)?;
+        system.extend(self.files.to_bytes()?);
+        fs::write(&archive, system)?;
+
+        // Always emulate, so that runs behave alike with and without hardware virtualisation.
+        let machine = ["-machine", "pc", "-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", MEMORY];
+        let mut emulator = tools::QEMU_X86.install()?.command(&machine)?;
+        emulator.args(["-nodefaults", "-display", "none", "-no-reboot", "-serial", "stdio"]);
+        emulator.args(["-append", "console=ttyS0 quiet panic=-1 mitigations=off nokaslr"]);
+        emulator.arg("-kernel").arg(&self.kernel.image).arg("-initrd").arg(&archive);
+        let output = File::create(&log).with_context(|| format!("cannot make {}", log.display()))?;
+        emulator.stdin(Stdio::null()).stdout(output.try_clone()?).stderr(output);
+        let ended = exit_code_within(&mut emulator.spawn().context("cannot start the emulator")?, LIMIT);
+
+        let text = String::from_utf8_lossy(&fs::read(&log)?).replace('\r', "");
+        let output = text.find(UP).map_or(&*text, |start| &text[start..]);
+        let (output, code) = output.rsplit_once(EXIT_CODE).unwrap_or((output, "none"));
+        let code = code.lines().next().unwrap_or_default();
+        print!("{output}");
+        ended.with_context(|| format!("the virtual machine with Linux {}", self.kernel.version))?;
+        ensure!(
+            code == "0",
+            "the tests in the virtual machine ended with exit code {}; {} has the whole output",
+            code,
+            log.display()
+        );
+        Ok(())
+    }
+}
+
 /// The tools that unpack the kernel and build its loopback module.
-pub const TOOLS: [Tool; 3] = [tool::CC, tool::MAKE, tool::XZ];
+pub const LINUX_TOOLS: [Tool; 3] = [tools::CC, tools::MAKE, tools::XZ];
 
 /// The drivers and their parameters: vivid generates images and faults, v4l2loopback shows the frames it is
 /// fed.
@@ -30,18 +112,18 @@ const DRIVERS: [(&str, &str); 2] = [
     ("v4l2loopback", "devices=5 video_nr=10,11,12,13,14 exclusive_caps=1,1,1,1,1 max_buffers=8"),
 ];
 
-/// File names.
+/// The names of the files in the folder of Linux.
 const IMAGE: &str = "kernel";
 const SYSTEM: &str = "system.cpio";
 
 /// The files that a virtual machine boots from.
 pub struct Linux {
     /// The kernel image.
-    pub image: PathBuf,
+    image: PathBuf,
     /// The archive with busybox, the drivers, and the order in which they are loaded.
-    pub system: PathBuf,
+    system: PathBuf,
     /// The kernel's version.
-    pub version: String,
+    version: String,
 }
 
 impl Linux {
@@ -76,7 +158,7 @@ fn depends(package: &str) -> Result<Vec<String>> {
 
 /// Puts the files of the kernel `version` into `folder`.
 fn make(folder: &Path, version: &str) -> Result<()> {
-    for tool in &TOOLS {
+    for tool in &LINUX_TOOLS {
         tool.install()?;
     }
     let (image, headers) = (format!("linux-image-{version}"), format!("linux-headers-{version}"));
@@ -104,7 +186,7 @@ fn make_loopback(files: &Path, version: &str) -> Result<PathBuf> {
     let sources = fs::read_dir(files.join("usr/src"))?.flatten().map(|entry| entry.path());
     let is_loopback = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("v4l2loopback-"));
     let source = sources.into_iter().find(is_loopback).context("the package v4l2loopback-dkms has no source")?;
-    let make = tool::MAKE.install()?;
+    let make = tools::MAKE.install()?;
     let mut make = make.command(&["--silent", "--directory"])?;
     read(make.arg(&headers).arg(format!("M={}", source.display())).arg("modules"))?;
     Ok(source.join("v4l2loopback.ko"))
@@ -118,7 +200,7 @@ fn decompressed(files: &Path, version: &str) -> Result<Vec<u8>> {
     for start in (0..bytes.len().saturating_sub(magic.len())).filter(|&start| bytes[start..].starts_with(magic)) {
         fs::write(&payload, &bytes[start..])?;
         // xz reports an error about the data after the payload, but has written all of it.
-        let xz = tool::XZ.install()?.command(&["--decompress", "--stdout", "--single-stream"])?.arg(&payload).output()?;
+        let xz = tools::XZ.install()?.command(&["--decompress", "--stdout", "--single-stream"])?.arg(&payload).output()?;
         if xz.stdout.starts_with(b"\x7FELF") {
             return Ok(xz.stdout);
         }
@@ -204,4 +286,98 @@ fn needed(module: &[u8]) -> Result<Vec<String>> {
     Ok(depends
         .flat_map(|names| names.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect::<Vec<_>>())
         .collect())
+}
+
+/// Everybody may read and execute every file.
+const PERMISSIONS: u32 = 0o755;
+
+/// Files and folders by their path without a leading slash. In alphabetical order, folders come before their
+/// contents.
+#[derive(Default)]
+struct Archive {
+    entries: BTreeMap<String, Entry>,
+}
+
+enum Entry {
+    Folder,
+    File(Vec<u8>),
+}
+
+impl Archive {
+    /// Adds an empty folder and its parents.
+    fn folder(&mut self, path: &Path) {
+        for folder in path.ancestors().map(name).filter(|name| !name.is_empty()) {
+            self.entries.entry(folder).or_insert(Entry::Folder);
+        }
+    }
+
+    /// Adds an executable file and its parent folders.
+    fn file(&mut self, path: &Path, contents: &[u8]) {
+        if let Some(folder) = path.parent() {
+            self.folder(folder);
+        }
+        self.entries.insert(name(path), Entry::File(contents.into()));
+    }
+
+    /// Adds a copy of the file `from`.
+    fn copy(&mut self, from: &Path, to: &Path) -> Result<()> {
+        self.file(to, &fs::read(from).with_context(|| format!("cannot read {}", from.display()))?);
+        Ok(())
+    }
+
+    /// The archive in cpio's newc format.
+    fn to_bytes(&self) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        for (index, (name, entry)) in self.entries.iter().enumerate() {
+            let (kind, contents) = match entry {
+                Entry::Folder => (ModeFileType::Directory, [].as_slice()),
+                Entry::File(contents) => (ModeFileType::Regular, contents.as_slice()),
+            };
+            // Linux treats entries with equal inode numbers as links to one file.
+            let header = NewcBuilder::new(name).ino(index as u32 + 1).mode(PERMISSIONS).set_mode_file_type(kind).nlink(1);
+            let mut writer = header.write(&mut bytes, contents.len() as u32);
+            writer.write_all(contents)?;
+            writer.finish()?;
+        }
+        newc::trailer(&mut bytes)?;
+        Ok(bytes)
+    }
+}
+
+/// A path as archives write it: relative to the root.
+fn name(path: &Path) -> String {
+    let names = path.components().filter(|component| matches!(component, Component::Normal(_)));
+    names.map(|name| name.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use cpio::NewcReader;
+    use std::io::Read;
+
+    #[test]
+    fn folders_come_before_what_they_contain() {
+        let mut archive = Archive::default();
+        archive.file(Path::new("/a/b/d"), b"");
+        archive.file(Path::new("/a/b/c"), b"12345");
+        let mut bytes: &[u8] = &archive.to_bytes().unwrap();
+        let mut entries = Vec::new();
+        loop {
+            let mut reader = NewcReader::new(&mut bytes).unwrap();
+            if reader.entry().is_trailer() {
+                break;
+            }
+            let mut contents = String::new();
+            reader.read_to_string(&mut contents).unwrap();
+            entries.push((reader.entry().name().to_owned(), reader.entry().mode(), contents));
+            reader.finish().unwrap();
+        }
+        let entry = |name: &str, mode, contents: &str| (name.to_owned(), mode, contents.to_owned());
+        let (folder, file) = (0o040_755, 0o100_755);
+        let expected =
+            [entry("a", folder, ""), entry("a/b", folder, ""), entry("a/b/c", file, "12345"), entry("a/b/d", file, "")];
+        assert_eq!(entries, expected);
+    }
 }

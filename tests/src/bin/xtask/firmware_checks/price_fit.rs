@@ -1,7 +1,5 @@
 //! Fits the cost model of `multiscopic budget` to instruction counts of small matches in the emulator.
 
-mod least_squares;
-
 use anyhow::{Context, Result, ensure};
 use multiscopic::target::{
     Processor,
@@ -13,13 +11,13 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use crate::{
     emulation::{
+        self,
         build::{self, Program},
         counter::{Counter, Instructions},
         emulated_board::EmulatedBoard,
-        emulator,
     },
-    firmware_checks::image_set::ImageSet,
-    system::{folders, workers},
+    firmware_checks::frames::ImageSet,
+    system::{folders, in_parallel},
     tools::toolchain::Toolchain,
 };
 
@@ -112,7 +110,7 @@ pub fn prices(toolchain: &Toolchain, (processor, board): (Processor, &EmulatedBo
     let images = SHAPES.each_ref().map(Shape::images);
     let mut runs = runs(&images)?;
     runs.retain(|run| Workload::new(&run.matching, processor).is_some());
-    let counted = workers::map(&runs, |run| run.count(board, &firmware, counter).with_context(|| run.name(board)))?;
+    let counted = in_parallel(&runs, |run| run.count(board, &firmware, counter).with_context(|| run.name(board)))?;
     let prices = fit(&runs, &counted, processor);
     let off = runs.iter().zip(&counted).filter_map(|(run, counted)| {
         let predicted = prices.instructions(&run.matching, processor)?;
@@ -220,7 +218,7 @@ impl Run<'_> {
         self.images.write(&folder)?;
         let arguments = self.arguments();
         let args: Vec<&str> = arguments.iter().map(String::as_str).collect();
-        let exit = emulator::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
+        let exit = emulation::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         Instructions::read(&folder)
     }
@@ -248,7 +246,7 @@ fn fit(runs: &[Run<'_>], counted: &[Instructions], processor: Processor) -> Pric
         .collect();
     let found = fit_in_turn(runs, &matching, &measured(counted, |instructions| instructions.matching));
     let sending: Vec<Vec<f64>> = works.iter().map(|work| units(work, true)).collect();
-    let sending = least_squares::prices(&sending, &measured(counted, |instructions| instructions.sending));
+    let sending = least_squares(&sending, &measured(counted, |instructions| instructions.sending));
     let (matching, candidates) = found.split_at(WorkUnits::NAMES.len());
     let units = WorkUnits::from_array(std::array::from_fn(|i| rounded(matching[i] + sending[i])));
     let candidates: BTreeMap<String, CandidateUnits> = kernels
@@ -265,13 +263,13 @@ fn fit_in_turn(runs: &[Run<'_>], rows: &[Vec<f64>], measured: &[f64]) -> Vec<f64
     let has_own = |run: &Run| run.matching.long_search().is_some() || run.matching.search().views().len() > 4;
     let chosen = |own: bool| runs.iter().zip(rows).zip(measured).filter(move |((run, _), _)| has_own(run) == own);
     let (first, counts): (Vec<Vec<f64>>, Vec<f64>) = chosen(false).map(|((_, row), count)| (row.clone(), *count)).unzip();
-    let prices = least_squares::prices(&first, &counts);
+    let prices = least_squares(&first, &counts);
     let is_known = |column: usize| first.iter().any(|row| row[column] > 0.0);
     let unknown = |row: &[f64]| row.iter().enumerate().map(|(j, count)| if is_known(j) { 0.0 } else { *count }).collect();
     let rest = |row: &[f64], count: f64| count - row.iter().zip(&prices).map(|(count, price)| count * price).sum::<f64>();
     let (others, counts): (Vec<Vec<f64>>, Vec<f64>) =
         chosen(true).map(|((_, row), count)| (unknown(row), rest(row, *count))).unzip();
-    let own = least_squares::prices(&others, &counts);
+    let own = least_squares(&others, &counts);
     prices.iter().zip(own).map(|(price, own)| price + own).collect()
 }
 
@@ -282,4 +280,58 @@ fn measured(counted: &[Instructions], part: impl Fn(&Instructions) -> u64) -> Ve
 /// Rounds to a thousandth of an instruction.
 fn rounded(price: f64) -> f64 {
     (price * 1000.0).round() / 1000.0
+}
+
+/// The non-negative `x` that minimises the relative error of `rows * x` against `measured`, where `rows[i]`
+/// has the counts of measurement `i`.
+///
+/// Projected coordinate descent: optimises one price at a time until nothing changes.
+fn least_squares(rows: &[Vec<f64>], measured: &[f64]) -> Vec<f64> {
+    let columns = rows.first().map_or(0, Vec::len);
+    // Normalise the columns, so that small and large counts weigh alike.
+    let relative: Vec<Vec<f64>> = rows.iter().zip(measured).map(|(row, m)| row.iter().map(|count| count / m).collect()).collect();
+    let scales: Vec<f64> = (0..columns).map(|j| relative.iter().map(|row| row[j] * row[j]).sum::<f64>().sqrt()).collect();
+    let column = |j: usize| relative.iter().map(move |row| row[j]);
+    let mut x = vec![0.0; columns];
+    let mut rest = vec![1.0; relative.len()];
+    for _ in 0..SWEEPS {
+        let mut change = 0.0_f64;
+        for j in (0..columns).filter(|&j| scales[j] > 0.0) {
+            let slope: f64 = column(j).zip(&rest).map(|(count, rest)| count * rest).sum();
+            let moved = (x[j] + slope / (scales[j] * scales[j])).max(0.0) - x[j];
+            x[j] += moved;
+            rest.iter_mut().zip(column(j)).for_each(|(rest, count)| *rest -= moved * count);
+            change = change.max((moved * scales[j]).abs());
+        }
+        if change < 1e-12 {
+            break;
+        }
+    }
+    x
+}
+
+/// The most rounds of descent.
+const SWEEPS: usize = 200_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_prices_are_found() {
+        let rows: Vec<Vec<f64>> = (1..9).map(|i| vec![f64::from(i), f64::from(i * i % 7), 1000.0]).collect();
+        let measured: Vec<f64> = rows.iter().map(|row| 3.0 * row[0] + 50.0 * row[1] + 0.25 * row[2]).collect();
+        let found = least_squares(&rows, &measured);
+        for (found, expected) in found.iter().zip([3.0, 50.0, 0.25]) {
+            assert!((found - expected).abs() < 1e-6, "{found} is not {expected}");
+        }
+    }
+
+    #[test]
+    fn no_price_is_negative() {
+        let rows = [[1.0, 1.0], [2.0, 1.0], [3.0, 1.0]].map(|row| row.to_vec());
+        let found = least_squares(&rows, &[1.0, 3.0, 5.0]);
+        assert!(found.iter().all(|price| *price >= 0.0), "{found:?}");
+        assert_eq!(found[1], 0.0);
+    }
 }

@@ -7,7 +7,7 @@ use crate::{
     emulation::{
         self,
         build::{self, Program},
-        emulated_board, emulator,
+        emulated_board,
     },
     system::folders,
     tools::toolchain::Toolchain,

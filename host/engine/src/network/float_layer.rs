@@ -1,31 +1,23 @@
 //! Layers in floats as matrix products, with the widest vectors of the processor.
 //!
-//! A product is computed in tiles of a few positions and [`PANEL`] outputs, whose sums stay in registers from
+//! A product is computed in tiles of a few positions and [`PANEL`](FloatLayer::PANEL) outputs, whose sums stay in registers from
 //! the first input to the last. In a convolution the inputs of neighbouring positions overlap. They are read
 //! in place; only the weights are rearranged, once. Sums are fused multiply-adds in the order of the inputs,
 //! so all vectors that have these give the same bits (AVX2, AVX-512, Neon).
 
 use std::{array, iter, ops::Range};
 
-use super::dot_products::{FloatSums, FloatTask};
+use super::dot_products::{FLOAT_PANEL, FloatLine, FloatSums, FloatTask, FloatVectors};
 
-/// The outputs of a panel, which are computed together: two of the widest vectors.
-const PANEL: usize = FloatLayer::PANEL;
-
-/// The weights from one input to the outputs of a panel, aligned to the widest vector.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(64))]
-struct PanelWeights([f32; PANEL]);
-
-/// The weights and biases of a layer, in panels of [`PANEL`] outputs. The last panel is padded with 0.
+/// The weights and biases of a layer, in panels of [`PANEL`](FloatLayer::PANEL) outputs. The last panel is padded with 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FloatLayer {
     side: usize,
     channels: usize,
     outputs: usize,
-    biases: Vec<PanelWeights>,
+    biases: Vec<FloatLine>,
     /// Panel by panel, and within a panel input by input.
-    weights: Vec<PanelWeights>,
+    weights: Vec<FloatLine>,
 }
 
 /// The function that turns a sum into an output.
@@ -39,21 +31,21 @@ pub enum Activation {
 
 impl FloatLayer {
     /// The outputs that are computed together.
-    pub const PANEL: usize = 32;
+    pub const PANEL: usize = FLOAT_PANEL;
 
     /// A convolution of `side` x `side` pixels with `channels` channels, with these biases, one for each output, and the
     /// `weight` from an input to an output. Inputs are ordered by rows, and within a row by pixels. For a fully connected
     /// layer, `side` is 1.
     pub fn new(side: usize, channels: usize, biases: &[f32], weight: impl Fn(usize, usize) -> f32) -> FloatLayer {
         let mut layer = FloatLayer { side, channels, outputs: biases.len(), biases: Vec::new(), weights: Vec::new() };
-        for (panel, biases) in biases.chunks(PANEL).enumerate() {
+        for (panel, biases) in biases.chunks(FLOAT_PANEL).enumerate() {
             let fill = |value: &dyn Fn(usize) -> f32| {
-                let mut line = PanelWeights([0.0; PANEL]);
+                let mut line = FloatLine([0.0; FLOAT_PANEL]);
                 line.0[..biases.len()].iter_mut().enumerate().for_each(|(output, line)| *line = value(output));
                 line
             };
             layer.biases.push(fill(&|output| biases[output]));
-            layer.weights.extend((0..layer.inputs()).map(|input| fill(&|output| weight(input, panel * PANEL + output))));
+            layer.weights.extend((0..layer.inputs()).map(|input| fill(&|output| weight(input, panel * FLOAT_PANEL + output))));
         }
         layer
     }
@@ -70,15 +62,8 @@ impl FloatLayer {
     /// # Panics
     /// If there are not as many `rows` as the convolution has, they are too short, or `out` has another length.
     pub fn apply(&self, rows: &[&[f32]], count: usize, activation: Activation, out: &mut [f32]) {
-        let outputs = self.outputs;
-        assert_eq!(out.len(), count * outputs, "the outputs of a layer");
-        self.products(rows, count, &|_| 0..self.biases.len(), &mut |position, first, sums| {
-            let out = &mut out[position * outputs..][first..outputs];
-            match activation {
-                Activation::Linear => out.iter_mut().zip(sums).for_each(|(out, &sum)| *out = sum),
-                Activation::Relu => out.iter_mut().zip(sums).for_each(|(out, &sum)| *out = sum.max(0.0)),
-            }
-        });
+        assert_eq!(out.len(), count * self.outputs, "the outputs of a layer");
+        self.compute(rows, count, &|_| 0..self.biases.len(), Use::Store(out, activation));
     }
 
     /// Computes outputs as [`apply`](FloatLayer::apply) does, but only the panels that are needed: `panels` tells
@@ -92,11 +77,27 @@ impl FloatLayer {
         rows: &[&[f32]],
         count: usize,
         panels: &dyn Fn(Range<usize>) -> Range<usize>,
-        take: &mut dyn FnMut(usize, usize, &[f32; FloatLayer::PANEL]),
+        take: &mut dyn FnMut(usize, usize, &[f32; FLOAT_PANEL]),
+    ) {
+        self.compute(rows, count, panels, Use::Take(take));
+    }
+
+    fn compute<'a>(
+        &'a self,
+        rows: &'a [&'a [f32]],
+        count: usize,
+        panels: &'a dyn Fn(Range<usize>) -> Range<usize>,
+        sums: Use<'a>,
     ) {
         let widest = FloatSums::available().next().expect("plain ones are available");
-        widest.run(Products { layer: self, rows, count, panels, take });
+        widest.run(Products { layer: self, rows, count, panels, sums });
     }
+}
+
+/// What becomes of the sums of panels.
+enum Use<'a> {
+    Store(&'a mut [f32], Activation),
+    Take(&'a mut dyn FnMut(usize, usize, &[f32; FLOAT_PANEL])),
 }
 
 /// The matrix product of a layer with a line, for any vectors.
@@ -105,13 +106,13 @@ struct Products<'a> {
     rows: &'a [&'a [f32]],
     count: usize,
     panels: &'a dyn Fn(Range<usize>) -> Range<usize>,
-    take: &'a mut dyn FnMut(usize, usize, &[f32; PANEL]),
+    sums: Use<'a>,
 }
 
 impl FloatTask for Products<'_> {
     #[inline(always)]
-    fn run<const FUSED: bool, const POSITIONS: usize, const PART: usize>(self) {
-        let Products { layer, rows, count, panels, take } = self;
+    fn run<V: FloatVectors, const POSITIONS: usize, const VECTORS: usize>(self, vectors: V) {
+        let Products { layer, rows, count, panels, sums: mut used } = self;
         assert_eq!(rows.len(), layer.side, "the rows of a layer");
         let length = layer.side * layer.channels;
         let reach = (POSITIONS - 1) * layer.channels + length;
@@ -124,24 +125,33 @@ impl FloatTask for Products<'_> {
             padded_rows = padded.iter().map(Vec::as_slice).collect();
             rows = &padded_rows;
         }
-        let mut sums = [[0.0; PANEL]; POSITIONS];
+        let mut sums = [FloatLine([0.0; FLOAT_PANEL]); POSITIONS];
         let mut done = 0;
         while done < count {
             // The last tile overlaps the one before, rather than reaching beyond the end.
             let first = done.min(count.saturating_sub(POSITIONS));
             let end = count.min(first + POSITIONS);
             for panel in panels(done..end) {
-                let start = first * layer.channels;
-                // Known strides are parts of addresses, and take no registers: these are those of MC-CNN.
+                // A stride that the compiler knows takes no instructions: those of MC-CNN.
                 match layer.channels {
-                    1 => layer.tile::<FUSED, POSITIONS, PART>(rows, start, 1, panel, &mut sums),
-                    64 => layer.tile::<FUSED, POSITIONS, PART>(rows, start, 64, panel, &mut sums),
-                    112 => layer.tile::<FUSED, POSITIONS, PART>(rows, start, 112, panel, &mut sums),
-                    384 => layer.tile::<FUSED, POSITIONS, PART>(rows, start, 384, panel, &mut sums),
-                    channels => layer.tile::<FUSED, POSITIONS, PART>(rows, start, channels, panel, &mut sums),
+                    1 => layer.tile::<V, POSITIONS, VECTORS>(vectors, rows, first, 1, panel, &mut sums),
+                    64 => layer.tile::<V, POSITIONS, VECTORS>(vectors, rows, first, 64, panel, &mut sums),
+                    112 => layer.tile::<V, POSITIONS, VECTORS>(vectors, rows, first, 112, panel, &mut sums),
+                    384 => layer.tile::<V, POSITIONS, VECTORS>(vectors, rows, first, 384, panel, &mut sums),
+                    stride => layer.tile::<V, POSITIONS, VECTORS>(vectors, rows, first, stride, panel, &mut sums),
                 }
-                for position in done..end {
-                    take(position, panel * PANEL, &sums[position - first]);
+                let output = panel * FLOAT_PANEL;
+                for (position, sums) in (done..end).zip(&sums[done - first..]) {
+                    match &mut used {
+                        Use::Store(out, activation) => {
+                            let out = &mut out[position * layer.outputs..][output..layer.outputs];
+                            match activation {
+                                Activation::Linear => out.iter_mut().zip(sums.0).for_each(|(out, sum)| *out = sum),
+                                Activation::Relu => out.iter_mut().zip(sums.0).for_each(|(out, sum)| *out = sum.max(0.0)),
+                            }
+                        }
+                        Use::Take(take) => take(position, output, &sums.0),
+                    }
                 }
             }
             done = end;
@@ -150,37 +160,39 @@ impl FloatTask for Products<'_> {
 }
 
 impl FloatLayer {
-    /// Computes the sums of a panel at `POSITIONS` positions, the inputs of which begin at index `start` of each row and are
-    /// `stride` apart: `PART` of its outputs at a time.
+    /// Computes the sums of a panel at the positions from `first` on.
     #[inline(always)]
-    fn tile<const FUSED: bool, const POSITIONS: usize, const PART: usize>(
+    fn tile<V: FloatVectors, const POSITIONS: usize, const VECTORS: usize>(
         &self,
+        vectors: V,
         rows: &[&[f32]],
-        start: usize,
+        first: usize,
         stride: usize,
         panel: usize,
-        sums: &mut [[f32; PANEL]; POSITIONS],
+        sums: &mut [FloatLine; POSITIONS],
     ) {
         let length = self.side * stride;
         let weights = &self.weights[panel * self.inputs()..][..self.inputs()];
-        for part in (0..PANEL).step_by(PART) {
-            let lanes = |line: &PanelWeights| -> [f32; PART] { array::from_fn(|lane| line.0[part + lane]) };
-            let mut accumulators = [lanes(&self.biases[panel]); POSITIONS];
+        for part in 0..FLOAT_PANEL / V::LANES / VECTORS {
+            let load = |line: &FloatLine| -> [V::Vector; VECTORS] { array::from_fn(|i| vectors.load(line, part * VECTORS + i)) };
+            let mut accumulators = [load(&self.biases[panel]); POSITIONS];
             for (row, weights) in rows.iter().zip(weights.chunks_exact(length)) {
-                let row = &row[start..][..(POSITIONS - 1) * stride + length];
+                let row = &row[first * stride..][..(POSITIONS - 1) * stride + length];
                 // The inputs at all positions that have a weight in common.
                 for (inputs, weights) in row.windows((POSITIONS - 1) * stride + 1).zip(weights) {
-                    let weights = lanes(weights);
+                    let weights = load(weights);
                     for (position, accumulators) in accumulators.iter_mut().enumerate() {
                         let input = inputs[position * stride];
-                        for (sum, weight) in accumulators.iter_mut().zip(weights) {
-                            *sum = if FUSED { input.mul_add(weight, *sum) } else { input * weight + *sum };
+                        for (sums, weights) in accumulators.iter_mut().zip(weights) {
+                            *sums = vectors.add(*sums, input, weights);
                         }
                     }
                 }
             }
-            for (sums, accumulators) in sums.iter_mut().zip(&accumulators) {
-                sums[part..][..PART].copy_from_slice(accumulators);
+            for (sums, accumulators) in sums.iter_mut().zip(accumulators) {
+                for (i, accumulator) in accumulators.into_iter().enumerate() {
+                    vectors.store(accumulator, sums, part * VECTORS + i);
+                }
             }
         }
     }
@@ -205,14 +217,14 @@ mod tests {
         panels: &dyn Fn(Range<usize>) -> Range<usize>,
     ) -> Vec<f32> {
         let mut out = vec![f32::NAN; count * layer.outputs];
-        let mut take = |position: usize, first: usize, sums: &[f32; PANEL]| {
+        let mut take = |position: usize, first: usize, sums: &[f32; FLOAT_PANEL]| {
             let out = &mut out[position * layer.outputs..][first..layer.outputs];
             for (out, sum) in out.iter_mut().zip(sums) {
                 assert!(out.is_nan(), "position {position} comes once");
                 *out = *sum;
             }
         };
-        instructions.run(Products { layer, rows, count, panels, take: &mut take });
+        instructions.run(Products { layer, rows, count, panels, sums: Use::Take(&mut take) });
         out
     }
 
@@ -227,7 +239,7 @@ mod tests {
 
         let mut widest = vec![0.0; count * outputs];
         layer.apply(&rows, count, Activation::Linear, &mut widest);
-        let last = outputs.div_ceil(PANEL) - 1;
+        let last = outputs.div_ceil(FLOAT_PANEL) - 1;
         for instructions in FloatSums::available() {
             let found = self::outputs(instructions, &layer, &rows, count, &|_| 0..last + 1);
             for (i, (&found, &widest)) in found.iter().zip(&widest).enumerate() {
@@ -244,7 +256,7 @@ mod tests {
             }
             let part = self::outputs(instructions, &layer, &rows, count, &|_| last..last + 1);
             for (i, (part, found)) in part.iter().zip(&found).enumerate() {
-                assert!(if i % outputs < last * PANEL { part.is_nan() } else { part == found }, "{instructions}, {i}");
+                assert!(if i % outputs < last * FLOAT_PANEL { part.is_nan() } else { part == found }, "{instructions}, {i}");
             }
         }
 

@@ -11,7 +11,7 @@
 //! | `avx2_panel` | AVX2: products in 16 bits, added in pairs twice |
 //! | `vnni_panel` | AVX-512 with VNNI: one instruction for a step |
 //! | `neon_panel` | Neon: widening products |
-//! | `float_sums` | plain Rust, compiled for each set of instructions |
+//! | `float_sums` | floats, with all instructions |
 #![allow(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
@@ -26,7 +26,7 @@ mod vnni_panel;
 
 use std::fmt;
 
-pub(super) use float_sums::{FloatSums, FloatTask};
+pub(super) use float_sums::{FLOAT_PANEL, FloatLine, FloatSums, FloatTask, FloatVectors};
 pub(super) use panel::{PANEL, Panel, PanelTask, WeightLine};
 use plain_panel::PlainPanel;
 

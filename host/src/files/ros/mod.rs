@@ -56,8 +56,8 @@ impl RosRecording<'_> {
     /// Writes an MCAP file with one message on each topic, all from a `time` since 1970.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if the centre and the disparities differ in size, and
-    /// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
+    /// [`Error::Usage`] if the centre and the disparities differ in size, and
+    /// [`Error::Write`]. Any previous version of the file is unchanged.
     ///
     /// # Panics
     /// If the confidences and the disparities differ in size.

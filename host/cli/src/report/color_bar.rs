@@ -1,5 +1,15 @@
 //! A colour bar beside a picture.
 
+use std::convert::Infallible;
+
+use embedded_graphics::{
+    Drawable, Pixel,
+    draw_target::DrawTarget,
+    geometry::{OriginDimensions, Point, Size},
+    mono_font::{MonoFont, MonoTextStyle, ascii},
+    pixelcolor::{Rgb888, RgbColor},
+    text::{Baseline, Text},
+};
 use image::{Rgb, RgbImage, imageops};
 use multiscopic::images::ColorScale;
 
@@ -11,8 +21,8 @@ const INK: Rgb<u8> = Rgb([0; 3]);
 /// black, `none`, below it. Pictures that are lower than a few lines of text get a bar without marks.
 pub fn beside(picture: &RgbImage, scale: &ColorScale) -> RgbImage {
     let (width, height) = picture.dimensions();
-    let font = if height < 600 { Font::SMALL } else { Font::LARGE };
-    let [letter, line] = [font.width, font.height];
+    let font = if height < 600 { &ascii::FONT_6X10 } else { &ascii::FONT_10X20 };
+    let [letter, line] = [font.character_size.width, font.character_size.height];
     let has_text = height >= 8 * line;
     let gap = letter;
     let bar = 2 * letter;
@@ -20,8 +30,8 @@ pub fn beside(picture: &RgbImage, scale: &ColorScale) -> RgbImage {
     let marks = if has_text { marks(scale, ((bottom - top) / (3 * line)).max(2) as usize) } else { Vec::new() };
     let longest = marks.iter().map(|(_, text)| text.len()).chain([scale.unit().len(), "none".len()]).max().unwrap_or(0) as u32;
     let text_width = if has_text { gap + letter * longest } else { 0 };
-    let mut canvas = RgbImage::from_pixel(width + gap + bar + text_width + gap, height, PAPER);
-    imageops::replace(&mut canvas, picture, 0, 0);
+    let mut canvas = Canvas(RgbImage::from_pixel(width + gap + bar + text_width + gap, height, PAPER));
+    imageops::replace(&mut canvas.0, picture, 0, 0);
 
     let left = width + gap;
     let [far, near] = scale.ends();
@@ -29,23 +39,23 @@ pub fn beside(picture: &RgbImage, scale: &ColorScale) -> RgbImage {
     for y in top..bottom {
         let nearness = 1.0 - f64::from(y - top) / last;
         let value = f64::from(far) + nearness * (f64::from(near) - f64::from(far));
-        (left..left + bar).for_each(|x| canvas.put_pixel(x, y, Rgb(scale.color(value as f32))));
+        (left..left + bar).for_each(|x| canvas.0.put_pixel(x, y, Rgb(scale.color(value as f32))));
     }
     if has_text {
         let text_left = left + bar + gap;
         for (value, text) in &marks {
             let y = top + ((1.0 - scale.place(*value)) * last).round() as u32;
-            (left + bar..left + bar + gap / 2).for_each(|x| canvas.put_pixel(x, y, INK));
-            font.write(&mut canvas, text, [text_left, y.saturating_sub(line / 2)]);
+            (left + bar..left + bar + gap / 2).for_each(|x| canvas.0.put_pixel(x, y, INK));
+            canvas.write(text, font, [text_left, y.saturating_sub(line / 2)]);
         }
-        font.write(&mut canvas, scale.unit(), [left, line / 2]);
+        canvas.write(scale.unit(), font, [left, line / 2]);
         let swatch = height - 3 * line / 2;
         for y in swatch..swatch + line {
-            (left..left + bar).for_each(|x| canvas.put_pixel(x, y, INK));
+            (left..left + bar).for_each(|x| canvas.0.put_pixel(x, y, INK));
         }
-        font.write(&mut canvas, "none", [text_left, swatch]);
+        canvas.write("none", font, [text_left, swatch]);
     }
-    canvas
+    canvas.0
 }
 
 /// Round values on the scale and their texts, at most `most` and at least one: multiples of 1, 2 or 5 times a power of ten.
@@ -63,32 +73,35 @@ fn marks(scale: &ColorScale, most: usize) -> Vec<(f32, String)> {
     (first..=last).map(|i| i as f64 * step).map(|value| (value as f32, format!("{value:.decimals$}"))).collect()
 }
 
-/// A font with letters of one size. These are of X.org's public domain, as the crate embedded-graphics packs them.
-struct Font {
-    /// The size of a letter.
-    width: u32,
-    height: u32,
-    /// An image of all letters of ASCII from the space on, [`ACROSS`](Font::ACROSS) in a row, a bit for each pixel.
-    bits: &'static [u8],
+/// A picture to draw on.
+struct Canvas(RgbImage);
+
+impl Canvas {
+    /// Writes a line of text, from its upper left corner.
+    fn write(&mut self, text: &str, font: &MonoFont<'_>, [x, y]: [u32; 2]) {
+        let style = MonoTextStyle::new(font, Rgb888::BLACK);
+        let Ok(_) = Text::with_baseline(text, Point::new(x as i32, y as i32), style, Baseline::Top).draw(self);
+    }
 }
 
-impl Font {
-    const ACROSS: u32 = 16;
-    const SMALL: Font = Font { width: 6, height: 10, bits: include_bytes!("fonts/font_6x10.raw") };
-    const LARGE: Font = Font { width: 10, height: 20, bits: include_bytes!("fonts/font_10x20.raw") };
+impl OriginDimensions for Canvas {
+    fn size(&self) -> Size {
+        Size::new(self.0.width(), self.0.height())
+    }
+}
 
-    /// Writes a text in ASCII, from its upper left corner. What lies outside of the picture is left out.
-    fn write(&self, picture: &mut RgbImage, text: &str, [left, top]: [u32; 2]) {
-        for (i, letter) in (0..).zip(text.bytes().map(|byte| u32::from(byte - b' '))) {
-            for (x, y) in (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y))) {
-                let row = letter / Font::ACROSS * self.height + y;
-                let bit = ((row * Font::ACROSS + letter % Font::ACROSS) * self.width + x) as usize;
-                let is_ink = self.bits[bit / 8] << (bit % 8) & 0x80 > 0;
-                if let (true, Some(pixel)) = (is_ink, picture.get_pixel_mut_checked(left + i * self.width + x, top + y)) {
-                    *pixel = INK;
-                }
+impl DrawTarget for Canvas {
+    type Color = Rgb888;
+    type Error = Infallible;
+
+    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(&mut self, pixels: I) -> Result<(), Infallible> {
+        for Pixel(point, color) in pixels {
+            let [x, y] = [point.x, point.y].map(|at| u32::try_from(at).unwrap_or(u32::MAX));
+            if let Some(pixel) = self.0.get_pixel_mut_checked(x, y) {
+                *pixel = Rgb([color.r(), color.g(), color.b()]);
             }
         }
+        Ok(())
     }
 }
 

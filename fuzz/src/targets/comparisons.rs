@@ -1,4 +1,4 @@
-//! What must equal its reference, bit for bit.
+//! Computations that must equal their references, bit for bit.
 
 use std::{convert::Infallible, fmt::Debug};
 

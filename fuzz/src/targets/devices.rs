@@ -1,4 +1,4 @@
-//! What cameras, microcontrollers, machines and robot arms send.
+//! Readers of the bytes that cameras, microcontrollers, machines and robot arms send.
 
 use std::{
     io::{self, Read, Write},

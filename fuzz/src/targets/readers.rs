@@ -1,4 +1,4 @@
-//! What reads files and the values of options.
+//! Readers of files and of the values of options.
 
 use std::{collections::BTreeMap, fmt::Display, fs::File, os::unix::fs::FileExt, path::PathBuf, str::FromStr, sync::Mutex};
 

@@ -94,7 +94,7 @@ impl FloatLayer {
     }
 }
 
-/// What becomes of the sums of panels.
+/// The use of the sums of panels.
 enum Use<'a> {
     Store(&'a mut [f32], Activation),
     Take(&'a mut dyn FnMut(usize, usize, &[f32; FLOAT_PANEL])),

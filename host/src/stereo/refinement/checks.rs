@@ -1,7 +1,7 @@
 //! The checks that invalidate disparities: of uniqueness, from left to right, of texture, and of speckles.
 //!
-//! What another candidate explains nearly as well is uncertain, what no view confirms is mostly wrong, a block with too little
-//! texture tells little, and so do small patches that stand alone.
+//! A disparity is uncertain if another candidate explains the pixel nearly as well, and mostly wrong if no view confirms it.
+//! A block with too little texture tells little, and so do small patches that stand alone.
 
 use image::GrayImage;
 use multiscopic_core::{Disparity, SearchSpace, View, Views};

@@ -54,9 +54,9 @@ const QUICK: [&str; 9] = [
 ];
 
 /// The tests that optimisation might change: of what computes, not of what talks to users, browsers, cameras and stages.
-const COMPUTATIONS: [&str; 4] = ["--lib", "--test=matching", "--test=methods", "--test=real_data"];
-/// Tests of readers and of the network, whose loops those of [`COMPUTATIONS`] run too.
-const OTHER_COMPUTATIONS: [&str; 3] = ["--test=mccnn", "--test=outside_bytes", "--test=rectified_lines"];
+const COMPUTATIONS: [&str; 5] = ["--lib", "--test=matching", "--test=methods", "--test=mccnn", "--test=real_data"];
+/// The tests of bytes from outside and of rectification by lines, which are mostly integers and bounds.
+const OTHER_COMPUTATIONS: [&str; 2] = ["--test=outside_bytes", "--test=rectified_lines"];
 /// The tests of the program, of which debug leaves out what takes minutes there.
 const PROGRAM: [&str; 2] = ["--test=commands", "--test=capture"];
 

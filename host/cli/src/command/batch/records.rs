@@ -1,4 +1,4 @@
-//! What the folder of a batch keeps: the settings that decide all results alike, and a record of each item that is done, with
+//! The contents of a batch's folder: the settings that decide all results alike, and a record of each item that is done, with
 //! fingerprints of its files.
 
 use std::{

@@ -1,4 +1,4 @@
-//! What a camera's driver tells: calls to it through crate `v4l`, the faults that they find, and the layout of frames.
+//! The driver of a camera: calls to it through crate `v4l`, the faults that they find, and the layout of frames.
 
 use std::{
     fmt, io,

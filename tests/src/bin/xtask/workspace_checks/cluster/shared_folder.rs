@@ -1,4 +1,4 @@
-//! What the nodes of a cluster share: the folder that all of them see, daemons on this machine, and the programs in
+//! The things that the nodes of a cluster share: the folder that all of them see, daemons on this machine, and the programs in
 //! docs/many-machines.md.
 
 use anyhow::{Context, Result, ensure};

@@ -18,7 +18,7 @@ use multiscopic_core::{
     Disparity, Fusion, SearchConfig, Views,
     kernel::{Block, Blocks, Change, Column, Isa, Kernel, Rule, Work},
 };
-use multiscopic_tests::split_mix::Random;
+use multiscopic_reference::split_mix::Random;
 use rayon::ThreadPoolBuilder;
 
 const DISPARITIES: u16 = 64;

@@ -14,7 +14,7 @@ use multiscopic::{
     stereo::cost::mccnn::{Architecture, Costs, Input, Network},
 };
 use multiscopic_core::{Fusion, SearchConfig, View, Views};
-use multiscopic_tests::split_mix::Random;
+use multiscopic_reference::split_mix::Random;
 
 /// Times the networks
 #[derive(Parser)]

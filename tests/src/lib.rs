@@ -1,9 +1,7 @@
-//! Code that the tests share: reference implementations, test images, and simulated hardware.
+//! Code that the tests share: test images, and simulated hardware.
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | [`split_mix`] | random numbers that are the same everywhere |
-//! | `reference` | the definitions that the product is compared with |
 //! | [`program`] | the command line as a process, and captures that it makes |
 //! | [`test_images`] | images and matches: golden, random, drawn and real |
 //! | `killed_commands` | commands that are killed at random moments |
@@ -16,11 +14,9 @@ pub mod architecture;
 #[cfg(unix)]
 pub mod killed_commands;
 pub mod program;
-pub mod reference;
 pub mod simulated;
 #[cfg(target_os = "linux")]
 pub mod soak;
-pub mod split_mix;
 pub mod test_images;
 
 /// Compiles and runs the code of the README and the guides.

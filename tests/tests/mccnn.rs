@@ -27,10 +27,12 @@ use multiscopic::{
     },
 };
 use multiscopic_core::{Frame, Fusion, SearchConfig, SearchSpace, View, Views};
+use multiscopic_reference::{
+    networks::{self, Reference},
+    split_mix::Random,
+};
 use multiscopic_tests::{
     program::Invocation,
-    reference::networks::{self, Reference},
-    split_mix::Random,
     test_images::{real_data, view_set::read_grey},
 };
 use serde_json::Value;

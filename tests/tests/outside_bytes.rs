@@ -20,7 +20,8 @@ use multiscopic::{
 };
 use multiscopic_core::{Disparity, Fusion, Region, SearchConfig, Views};
 use multiscopic_edge::packet::{Sender, buffer_bytes_with_confidences};
-use multiscopic_tests::{program, split_mix::Random, test_images::golden};
+use multiscopic_reference::split_mix::Random;
+use multiscopic_tests::{program, test_images::golden};
 use proptest::{collection::vec, prelude::*, sample::Index, test_runner::TestRunner};
 
 /// The address space in megabytes in which everything must be read. The largest picture takes half of it.

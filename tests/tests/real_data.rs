@@ -6,13 +6,13 @@ use std::{error::Error, path::Path};
 
 use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic_core::{Region, kernel::Portable};
+use multiscopic_reference::{
+    Fusion::{self, Heuristic, Mean, Min},
+    raw16,
+    split_mix::Random,
+};
 use multiscopic_tests::{
     program::Invocation,
-    reference::{
-        Fusion::{self, Heuristic, Mean, Min},
-        raw16,
-    },
-    split_mix::Random,
     test_images::{
         core_match::{matched, params},
         misaligned,

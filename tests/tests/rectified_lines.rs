@@ -6,10 +6,7 @@ use multiscopic_core::{
     BlockMatchingParams, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Memory, MemoryTooSmall,
     Rectification, Rectified, RectifiedError, Region, Rewind, ScanlineSource, SearchConfig, View, Views, kernel::Portable,
 };
-use multiscopic_tests::{
-    reference::{RectifiedImage, rectify},
-    split_mix::Random,
-};
+use multiscopic_reference::{RectifiedImage, rectify, split_mix::Random};
 
 /// Frames and displacements.
 struct Case {

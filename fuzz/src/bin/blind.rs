@@ -17,7 +17,7 @@ use std::{
 };
 
 use multiscopic_fuzz::targets::Target;
-use multiscopic_tests::split_mix::Random;
+use multiscopic_reference::split_mix::Random;
 
 /// The longest input in bytes, if the seeds are shorter.
 const LONGEST: usize = 4096;

@@ -9,14 +9,11 @@ use multiscopic_core::{
     Rectification, Rectified, Region, ScanlineSource, SearchConfig, SemiGlobalParams, View, Views,
     kernel::{Kernel, Portable},
 };
-use multiscopic_tests::{
-    reference::{self, Fusion, raw16},
-    split_mix::Random,
-    test_images::{
-        case::{Appearance, Case},
-        core_match::{cut, matched_with_peaks, semi_global_params, semi_globally_matched_with_peaks},
-        view_set::ViewSet,
-    },
+use multiscopic_reference::{self as reference, Fusion, raw16, split_mix::Random};
+use multiscopic_tests::test_images::{
+    case::{Appearance, Case},
+    core_match::{cut, matched_with_peaks, semi_global_params, semi_globally_matched_with_peaks},
+    view_set::ViewSet,
 };
 
 /// The longest side of an image.

@@ -18,15 +18,13 @@ use multiscopic_core::{
 };
 
 use super::eye::{Blindness, Eye, PIXEL_UM, SIZE, SharedBlindness};
-use crate::{
-    simulated::{
-        SimulatedClock,
-        arm::{self, SimulatedArm},
-        machine::{self, Firmware, SimulatedMachine},
-        pose::Pose,
-    },
-    split_mix::Random,
+use crate::simulated::{
+    SimulatedClock,
+    arm::{self, SimulatedArm},
+    machine::{self, Firmware, SimulatedMachine},
+    pose::Pose,
 };
+use multiscopic_reference::split_mix::Random;
 
 /// The disparity of the wall.
 const DISPARITY: i32 = 4;

@@ -11,8 +11,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::split_mix::Random;
 use failing_rig::FailingRig;
+use multiscopic_reference::split_mix::Random;
 
 /// The number of captures of ten that have a trouble.
 const TROUBLED: usize = 3;

@@ -8,16 +8,14 @@ use proptest::{
     test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
 };
 
-use crate::{
-    reference::{
-        Fusion, Match, raw16,
-        semi_global::{Cost, SemiGlobal},
-    },
+use crate::test_images::{
+    core_match::{params_in, views},
+    view_set::ViewSet,
+};
+use multiscopic_reference::{
+    Fusion, Match, raw16,
+    semi_global::{Cost, SemiGlobal},
     split_mix::Random,
-    test_images::{
-        core_match::{params_in, views},
-        view_set::ViewSet,
-    },
 };
 
 /// The content of generated images.

@@ -9,13 +9,11 @@ use multiscopic_core::{
     ScanlineSource, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views, kernel::Kernel,
 };
 
-use crate::{
-    reference::{
-        Fusion,
-        semi_global::{Cost, SemiGlobal},
-    },
+use crate::test_images::view_set::{ViewSet, view_at};
+use multiscopic_reference::{
+    Fusion,
+    semi_global::{Cost, SemiGlobal},
     split_mix::Random,
-    test_images::view_set::{ViewSet, view_at},
 };
 
 /// The core's parameters for the given match.

@@ -2,13 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    reference::{
-        Fusion::{self, Heuristic, Mean, Min},
-        raw16,
-        semi_global::Cost,
-    },
-    test_images::view_set::ViewSet,
+use crate::test_images::view_set::ViewSet;
+use multiscopic_reference::{
+    Fusion::{self, Heuristic, Mean, Min},
+    raw16,
+    semi_global::Cost,
 };
 
 /// The width of the golden images in pixels.

@@ -5,10 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{
-    reference::networks::file_name,
-    test_images::view_set::{ViewSet, read_grey, read_pfm},
-};
+use crate::test_images::view_set::{ViewSet, read_grey, read_pfm};
+use multiscopic_reference::networks::file_name;
 
 /// The folder of the data: `$MULTISCOPIC_DATA`, or `../shared/data` beside the repository; `None` if neither
 /// exists.

@@ -6,11 +6,9 @@ use image::GrayImage;
 use multiscopic::Frames;
 use multiscopic_core::View;
 
-use crate::{
-    reference::{
-        Fusion, Match,
-        semi_global::{Cost, PATHS, SemiGlobal},
-    },
+use multiscopic_reference::{
+    Fusion, Match,
+    semi_global::{Cost, PATHS, SemiGlobal},
     split_mix::Random,
 };
 

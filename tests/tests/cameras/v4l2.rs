@@ -19,11 +19,10 @@ use multiscopic::{
     Picture,
     capture::camera::{CameraFault, CameraSettings, FrameLayout, PixelFormat, V4l2Camera},
 };
+use multiscopic_reference::split_mix::Random;
 use multiscopic_tests::{
     program,
-    reference::luma,
-    simulated::cameras::{self, Pattern, Producer},
-    split_mix::Random,
+    simulated::cameras::{self, Pattern, Producer, luma},
     test_images::golden,
 };
 use v4l::{Control, Device, control::Value, video::Capture};

@@ -18,13 +18,11 @@ use multiscopic_core::{
     Views,
     capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence, Stage},
 };
-use multiscopic_tests::{
-    simulated::{
-        SimulatedClock,
-        arm::{Fault, Heard, SimulatedArm},
-        pose::{Pose, angle, distance},
-    },
-    split_mix::Random,
+use multiscopic_reference::split_mix::Random;
+use multiscopic_tests::simulated::{
+    SimulatedClock,
+    arm::{Fault, Heard, SimulatedArm},
+    pose::{Pose, angle, distance},
 };
 
 /// A tool that looks down.

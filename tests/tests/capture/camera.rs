@@ -5,7 +5,8 @@ use multiscopic::{
     Picture,
     capture::camera::{CameraFault, FrameLayout, PixelFormat},
 };
-use multiscopic_tests::{reference::luma, split_mix::Random};
+use multiscopic_reference::split_mix::Random;
+use multiscopic_tests::simulated::cameras::luma;
 use proptest::prelude::*;
 
 /// A format, a size, a stride with padding or unspecified, and enough random bytes for any format.

@@ -4,7 +4,7 @@ use multiscopic_core::{
     Frame, View, Views,
     capture::{Plan, Position},
 };
-use multiscopic_tests::split_mix::Random;
+use multiscopic_reference::split_mix::Random;
 
 const BASELINE_UM: u32 = 10_000;
 

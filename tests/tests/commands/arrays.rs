@@ -8,10 +8,9 @@ use multiscopic::{
     scene::{PinholeCamera, Scene, render},
 };
 use multiscopic_core::{View, Views};
+use multiscopic_reference::{Fusion, raw16, split_mix::Random};
 use multiscopic_tests::{
     program::Invocation,
-    reference::{Fusion, raw16},
-    split_mix::Random,
     test_images::view_set::{ViewSet, read_pfm, read_raw16},
 };
 

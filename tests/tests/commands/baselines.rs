@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
+use multiscopic_reference::{AroundPrior, Fusion, fixed, gradients, medians, split_mix::Random};
 use multiscopic_tests::{
     program::Invocation,
-    reference::{AroundPrior, Fusion, fixed, gradients, medians},
-    split_mix::Random,
     test_images::view_set::{ViewSet, read_raw16},
 };
 

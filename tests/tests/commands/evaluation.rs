@@ -9,10 +9,9 @@ use multiscopic::{
     scene::{Finish, Object, PinholeCamera, Placement, Scene, Shape, Texture, Vec3, render_views},
 };
 use multiscopic_core::Views;
+use multiscopic_reference::{Fusion, fixed, split_mix::Random};
 use multiscopic_tests::{
     program::Invocation,
-    reference::{Fusion, fixed},
-    split_mix::Random,
     test_images::view_set::{ViewSet, read_pfm},
 };
 use serde_json::Value;

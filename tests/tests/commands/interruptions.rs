@@ -11,10 +11,10 @@ use std::{
 };
 
 use image::GrayImage;
+use multiscopic_reference::split_mix::Random;
 use multiscopic_tests::{
     killed_commands::{VICTIMS, Victim, Want},
     program::{self, Invocation},
-    split_mix::Random,
 };
 
 const SIGHUP: u32 = 1;

@@ -5,14 +5,11 @@ use multiscopic_core::{
     fixed::types::{I16F16, U16F16},
     kernel::Portable,
 };
-use multiscopic_tests::{
-    reference::{self, fixed},
-    split_mix::Random,
-    test_images::{
-        case::property,
-        core_match::{matched, params},
-        view_set::ViewSet,
-    },
+use multiscopic_reference::{self as reference, fixed, split_mix::Random};
+use multiscopic_tests::test_images::{
+    case::property,
+    core_match::{matched, params},
+    view_set::ViewSet,
 };
 use proptest::prelude::*;
 

@@ -20,18 +20,15 @@ use multiscopic_core::{
     BlockMatchingParams, Region,
     kernel::{Kernel, Portable},
 };
-use multiscopic_tests::{
-    reference::{Fusion, raw16},
-    split_mix::Random,
-    test_images::{
-        case::{Appearance, Case, cases, property, wide_cases},
-        core_match::{
-            assert_equal, cut, engines, matched, matched_with_peaks, params, params_in, semi_global_params,
-            semi_globally_matched, views,
-        },
-        golden::{self, GOLDEN, Golden, GoldenMethod},
-        view_set::{ViewSet, read_raw16},
+use multiscopic_reference::{Fusion, raw16, split_mix::Random};
+use multiscopic_tests::test_images::{
+    case::{Appearance, Case, cases, property, wide_cases},
+    core_match::{
+        assert_equal, cut, engines, matched, matched_with_peaks, params, params_in, semi_global_params, semi_globally_matched,
+        views,
     },
+    golden::{self, GOLDEN, Golden, GoldenMethod},
+    view_set::{ViewSet, read_raw16},
 };
 
 /// A match whose peak ratios may be asked for.

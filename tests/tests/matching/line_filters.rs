@@ -8,13 +8,10 @@ use multiscopic_core::{
     ConfidenceLines, ConfidenceTable, Disparity, Frame, Fusion, MatchError, Matcher, MedianLines, ScanlineSource, SearchConfig,
     TextureLines, View, Views, filter_by_confidence,
 };
-use multiscopic_tests::{
-    reference::{confidence, medians, texture},
-    split_mix::Random,
-    test_images::{
-        case::{Case, cases, property},
-        view_set::ViewSet,
-    },
+use multiscopic_reference::{confidence, medians, split_mix::Random, texture};
+use multiscopic_tests::test_images::{
+    case::{Case, cases, property},
+    view_set::ViewSet,
 };
 
 type Map = Vec<Vec<Option<Disparity>>>;

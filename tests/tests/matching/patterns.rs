@@ -1,13 +1,13 @@
 //! Small scenes drawn in ASCII, and what each fusion rule makes of them.
 
 use multiscopic_core::{Disparity, Region, kernel::Portable};
-use multiscopic_tests::{
-    reference::Fusion::{self, Heuristic, Mean, Min},
+use multiscopic_reference::{
+    Fusion::{self, Heuristic, Mean, Min},
     split_mix::Random,
-    test_images::{
-        core_match::{matched, params},
-        view_set::{assert_drawn, draw, synthesise},
-    },
+};
+use multiscopic_tests::test_images::{
+    core_match::{matched, params},
+    view_set::{assert_drawn, draw, synthesise},
 };
 
 pub(super) const STEREO: [bool; 4] = [false, true, false, false];

@@ -8,13 +8,10 @@ use multiscopic_core::{
     BlockMatchingParams, Disparity, Frame, Gradients, Matcher, Memory, Region, ScanlineSource, SearchConfig, View, Views,
     kernel::Portable,
 };
-use multiscopic_tests::{
-    reference::{AroundPrior, Fusion, gradients},
-    split_mix::Random,
-    test_images::{
-        case::property,
-        core_match::{engines, params_in},
-    },
+use multiscopic_reference::{AroundPrior, Fusion, gradients, split_mix::Random};
+use multiscopic_tests::test_images::{
+    case::property,
+    core_match::{engines, params_in},
 };
 use proptest::prelude::any;
 

@@ -6,13 +6,10 @@ use multiscopic_core::{
     BlockMatchingParams, Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Region, ScanlineSource, View,
     kernel::Portable,
 };
-use multiscopic_tests::{
-    reference::Fusion,
-    split_mix::Random,
-    test_images::{
-        case::{Appearance, Case, cases, property},
-        core_match::{FRAMES, StrictSource, cut, matched},
-    },
+use multiscopic_reference::{Fusion, split_mix::Random};
+use multiscopic_tests::test_images::{
+    case::{Appearance, Case, cases, property},
+    core_match::{FRAMES, StrictSource, cut, matched},
 };
 
 pub(super) const CASE: Case = Case {

@@ -6,18 +6,16 @@ use multiscopic_core::{
     Census, Disparity, MatchError, Memory, MemoryTooSmall, PathPenalties, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams,
     kernel::{Kernel, Portable},
 };
-use multiscopic_tests::{
-    reference::{
-        Fusion::{self, Heuristic, Min},
-        raw16,
-        semi_global::{Cost, SemiGlobal},
-    },
+use multiscopic_reference::{
+    Fusion::{self, Heuristic, Min},
+    raw16,
+    semi_global::{Cost, SemiGlobal},
     split_mix::Random,
-    test_images::{
-        case::{Case, cases, property},
-        core_match::{FRAMES, StrictSource, semi_global_params, semi_globally_matched, semi_globally_matched_with_peaks},
-        view_set::{ViewSet, assert_drawn, draw, synthesise},
-    },
+};
+use multiscopic_tests::test_images::{
+    case::{Case, cases, property},
+    core_match::{FRAMES, StrictSource, semi_global_params, semi_globally_matched, semi_globally_matched_with_peaks},
+    view_set::{ViewSet, assert_drawn, draw, synthesise},
 };
 
 use crate::{

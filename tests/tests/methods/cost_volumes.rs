@@ -10,7 +10,7 @@ use multiscopic::{
     },
 };
 use multiscopic_core::{Disparity, Fusion, SearchConfig, SearchSpace, Views};
-use multiscopic_tests::split_mix::Random;
+use multiscopic_reference::split_mix::Random;
 
 /// The shift of a pixel's match per pixel of disparity: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];

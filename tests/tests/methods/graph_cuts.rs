@@ -10,10 +10,7 @@ use multiscopic::{
     },
 };
 use multiscopic_core::{Fusion, SearchConfig, SearchSpace, View, Views};
-use multiscopic_tests::{
-    reference::{self, energy},
-    split_mix::Random,
-};
+use multiscopic_reference::{self as reference, energy, split_mix::Random};
 use petgraph::{algo::ford_fulkerson, graph::DiGraph};
 
 /// Colours are matched where there are any.

@@ -7,17 +7,15 @@ use multiscopic_core::{
     kernel::Kernel,
     network::{CensusPair, CensusPairLines},
 };
-use multiscopic_tests::{
-    reference::{
-        Fusion, raw16,
-        semi_global::{Cost, PATHS, SemiGlobal, Solution},
-    },
+use multiscopic_reference::{
+    Fusion, raw16,
+    semi_global::{Cost, PATHS, SemiGlobal, Solution},
     split_mix::Random,
-    test_images::{
-        case::{Appearance, Case, cases, property},
-        core_match::semi_global_params,
-        view_set::ViewSet,
-    },
+};
+use multiscopic_tests::test_images::{
+    case::{Appearance, Case, cases, property},
+    core_match::semi_global_params,
+    view_set::ViewSet,
 };
 
 /// Costs and their sums, and disparities.

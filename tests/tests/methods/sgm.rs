@@ -15,17 +15,15 @@ use multiscopic_core::{
     Census, Disparity, Fusion, PathPenalties, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, View, Views,
     kernel::Kernel,
 };
-use multiscopic_tests::{
-    reference::{
-        self, energy, raw16,
-        semi_global::{Cost, PATHS, SemiGlobal},
-    },
+use multiscopic_reference::{
+    self as reference, energy, raw16,
+    semi_global::{Cost, PATHS, SemiGlobal},
     split_mix::Random,
-    test_images::{
-        case::{Appearance, Case, cases, property, wide_cases},
-        core_match::{assert_equal, engines, semi_global_params, semi_globally_matched},
-        view_set::ViewSet,
-    },
+};
+use multiscopic_tests::test_images::{
+    case::{Appearance, Case, cases, property, wide_cases},
+    core_match::{assert_equal, engines, semi_global_params, semi_globally_matched},
+    view_set::ViewSet,
 };
 
 /// The host's method with the core's parameters. Views at several baselines are matched together, as the reference does.

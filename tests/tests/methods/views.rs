@@ -8,13 +8,10 @@ use multiscopic::{
     stereo::{CostFunction, Pipeline},
 };
 use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, SearchConfig, SearchSpace, SemiGlobalCost, View};
-use multiscopic_tests::{
-    reference::{Fusion, raw16, semi_global::Cost},
-    split_mix::Random,
-    test_images::{
-        core_match::views,
-        view_set::{ViewSet, view_at},
-    },
+use multiscopic_reference::{Fusion, raw16, semi_global::Cost, split_mix::Random};
+use multiscopic_tests::test_images::{
+    core_match::views,
+    view_set::{ViewSet, view_at},
 };
 
 const FUSIONS: [(CoreFusion, Fusion); 4] = [

@@ -6,7 +6,8 @@ use std::fs;
 
 use multiscopic_core::{Disparity, Fusion, Region, SearchConfig, Views};
 use multiscopic_edge::packet::{Sender, buffer_bytes};
-use multiscopic_tests::{program::Invocation, split_mix::Random, test_images::golden};
+use multiscopic_reference::split_mix::Random;
+use multiscopic_tests::{program::Invocation, test_images::golden};
 use tempfile::TempDir;
 
 use super::bench::Bench;

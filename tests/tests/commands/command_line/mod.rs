@@ -11,9 +11,9 @@ mod view;
 
 use std::{fs, path::Path};
 
+use multiscopic_reference::{Fusion, raw16, semi_global::Cost};
 use multiscopic_tests::{
     program::Invocation,
-    reference::{Fusion, raw16, semi_global::Cost},
     test_images::{
         golden::{self, GOLDEN, Golden, GoldenMethod},
         view_set::{read_pfm, read_raw16},

@@ -5,9 +5,9 @@ use std::{fs, path::Path};
 use multiscopic::scene::{PinholeCamera, Scene, render_views};
 use multiscopic_core::{Frame, Fusion, SemiGlobalCost, View};
 use multiscopic_edge::{Matching, Profile, WholeLines, Wide, profile};
+use multiscopic_reference::{self as reference, AroundPrior, gradients};
 use multiscopic_tests::{
     program::Invocation,
-    reference::{self, AroundPrior, gradients},
     test_images::{
         golden,
         view_set::{ViewSet, read_grey, read_pfm, read_raw16},

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use image::{GrayImage, Luma};
-use multiscopic_tests::split_mix::Random;
+use multiscopic_reference::split_mix::Random;
 
 /// Width and height of the photos in pixels.
 pub const SIZE: [usize; 2] = [640, 480];

@@ -2,7 +2,8 @@
 
 use std::io::Write;
 
-use multiscopic_tests::{program::Invocation, split_mix::Random};
+use multiscopic_reference::split_mix::Random;
+use multiscopic_tests::program::Invocation;
 use serde_json::{Value, json};
 
 use super::{PageServer, rig, wait_until};

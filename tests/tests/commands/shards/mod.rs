@@ -8,7 +8,8 @@ use std::{
 };
 
 use image::GrayImage;
-use multiscopic_tests::{program::Invocation, split_mix::Random};
+use multiscopic_reference::split_mix::Random;
+use multiscopic_tests::program::Invocation;
 
 /// A folder of a test.
 struct Desk {

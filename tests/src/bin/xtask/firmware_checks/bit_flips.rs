@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use multiscopic_core::{Disparity, Fusion};
 use multiscopic_edge::{Matching, Wide, profile::QQVGA};
-use multiscopic_tests::split_mix::Random;
+use multiscopic_reference::split_mix::Random;
 use object::{Object, ObjectSymbol, read::elf::ElfFile32};
 use std::{
     collections::BTreeMap,

@@ -10,7 +10,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Displacement, DisplacementGrid, Frame, Rectification, Rectified, ScanlineSource, View, Views};
 use multiscopic_edge::frame_file::FrameFile;
-use multiscopic_tests::reference::rectify;
+use multiscopic_reference::rectify;
 use std::{convert::Infallible, fs, path::Path};
 
 const WIDTH: u16 = 160;

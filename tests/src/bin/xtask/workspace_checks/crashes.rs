@@ -29,7 +29,8 @@ impl Crashing {
     #[cfg(unix)]
     pub fn run(&self) -> Result<()> {
         use crate::system::process::{built_optimized_program, built_program};
-        use multiscopic_tests::{killed_commands::VICTIMS, split_mix::Random};
+        use multiscopic_reference::split_mix::Random;
+        use multiscopic_tests::killed_commands::VICTIMS;
 
         // In debug, it is built as the runner itself, which takes no second build of everything.
         let program = if self.release { built_optimized_program()? } else { built_program()? };

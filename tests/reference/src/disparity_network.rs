@@ -1,6 +1,6 @@
 //! Reference for the network that finds disparities: its definition in wide integers, one output at a time.
 
-use crate::{reference::network_inputs::NetworkInputs, split_mix::Random};
+use crate::{network_inputs::NetworkInputs, split_mix::Random};
 
 /// The layers in the order of the file: inputs and outputs.
 const LAYERS: [(usize, usize); 41] = [

@@ -1,25 +1,6 @@
-//! Independent definitions of what the product computes: plain, slow, and without any code under test. Here is what becomes of
-//! single images and maps.
-
-mod around_prior;
-mod block_matching;
-mod disparity_network;
-pub mod energy;
-mod lucas_kanade;
-mod network_inputs;
-pub mod networks;
-pub mod semi_global;
+//! Single images and maps: gradients, medians, texture, confidence, rectification.
 
 use std::collections::BTreeSet;
-
-#[cfg(target_os = "linux")]
-use multiscopic::capture::camera::{FrameLayout, PixelFormat};
-
-pub use around_prior::AroundPrior;
-pub use block_matching::{FusedCosts, Fusion, Match, fixed, fuse, raw16};
-pub use disparity_network::DisparityNetwork;
-pub use lucas_kanade::LucasKanade;
-pub use network_inputs::NetworkInputs;
 
 /// Half the difference of each pixel's neighbours in the line, rounded down, plus 128.
 pub fn gradients(image: &[u8], width: usize) -> Vec<u8> {
@@ -129,33 +110,4 @@ pub fn rectify(image: &[u8], width: usize, spacing: usize, nodes: &[(i16, i16)])
         rectified.lines.push((0..height).filter(|&line| has_weight[line]).collect());
     }
     rectified
-}
-
-/// The grey value of each pixel of an uncompressed camera frame, row by row, straight from the definitions of the pixel formats.
-///
-/// # Panics
-/// If the frame is too short or compressed.
-#[cfg(target_os = "linux")]
-pub fn luma(layout: &FrameLayout, frame: &[u8]) -> Vec<u8> {
-    let [width, height] = layout.size.map(|side| side as usize);
-    let bytes = match layout.format {
-        PixelFormat::Grey | PixelFormat::Nv12 => 1,
-        PixelFormat::Yuyv | PixelFormat::Y10 | PixelFormat::Y12 | PixelFormat::Y16 => 2,
-        PixelFormat::Rgb3 => 3,
-        PixelFormat::Mjpg => panic!("a compressed frame"),
-    };
-    let stride = if layout.stride == 0 { width * bytes } else { layout.stride as usize };
-    let pixel = |u: usize, v: usize| {
-        let at = |i: usize| u32::from(frame[v * stride + u * bytes + i]);
-        let word = || at(0) + 256 * at(1);
-        let gray = match layout.format {
-            PixelFormat::Y10 => word() % 1024 / 4,
-            PixelFormat::Y12 => word() % 4096 / 16,
-            PixelFormat::Y16 => word() / 256,
-            PixelFormat::Rgb3 => (77 * at(0) + 150 * at(1) + 29 * at(2) + 128) / 256,
-            _ => at(0),
-        };
-        u8::try_from(gray).expect("8 bits")
-    };
-    (0..height).flat_map(|v| (0..width).map(move |u| (u, v))).map(|(u, v)| pixel(u, v)).collect()
 }

@@ -1,6 +1,6 @@
 //! Reference for the network's inputs from images: their definition pixel by pixel.
 
-use crate::reference::{
+use crate::{
     Fusion, fixed,
     semi_global::{Cost, PATHS, SemiGlobal},
 };

@@ -1,0 +1,33 @@
+//! Independent definitions of what the product computes: plain, slow, and without any code under test, which this crate does not
+//! depend on.
+//!
+//! | module | what it is |
+//! | --- | --- |
+//! | [`split_mix`] | random numbers that are the same everywhere |
+//! | `images` | single images and maps: gradients, medians, texture, confidence, rectification |
+//! | `block_matching` | block matching, and the fusion of the views' costs |
+//! | `around_prior` | block matching around a prior |
+//! | [`semi_global`] | semi-global matching, and census |
+//! | [`energy`] | the energy that graph cuts minimise |
+//! | `lucas_kanade` | sub-pixel refinement by Lucas and Kanade |
+//! | [`networks`] | MC-CNN |
+//! | `network_inputs` | the inputs of the disparity network |
+//! | `disparity_network` | the disparity network |
+
+mod around_prior;
+mod block_matching;
+mod disparity_network;
+pub mod energy;
+mod images;
+mod lucas_kanade;
+mod network_inputs;
+pub mod networks;
+pub mod semi_global;
+pub mod split_mix;
+
+pub use around_prior::AroundPrior;
+pub use block_matching::{FusedCosts, Fusion, Match, fixed, fuse, raw16};
+pub use disparity_network::DisparityNetwork;
+pub use images::{RectifiedImage, confidence, grade, gradients, medians, rectify, texture};
+pub use lucas_kanade::LucasKanade;
+pub use network_inputs::NetworkInputs;

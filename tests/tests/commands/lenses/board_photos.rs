@@ -103,10 +103,10 @@ impl BoardPose {
         [turned([1.0, 0.0]), turned([0.0, 1.0])]
     }
 
-    /// The place on the board, from its middle in millimetres, that a direction sees.
-    fn place(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+    /// The place on a board with these axes, from its middle in millimetres, that a direction sees.
+    fn place(&self, [a, b]: [[f64; 3]; 2], [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         // p a + q b + center = s (x, y, 1), by Cramer's rule.
-        let ([a, b], c) = (self.axes(), self.center);
+        let c = self.center;
         let ray = [x, y, 1.0];
         let determinant = |m: [[f64; 3]; 3]| {
             m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[1][0] * (m[0][1] * m[2][2] - m[0][2] * m[2][1])
@@ -143,6 +143,7 @@ impl Print {
     /// A photo of the board, from what the corners of all pixels see, blurred by a binomial filter `blurs` times.
     pub fn photo(&self, directions: &[[f64; 2]], pose: &BoardPose, blurs: usize, seed: u64) -> GrayImage {
         let [width, height] = SIZE;
+        let axes = pose.axes();
         let place = |k: usize| (k as f64 + 0.5) / SAMPLES as f64;
         let mut light: Vec<f64> = (0..width * height)
             .map(|k| {
@@ -151,7 +152,7 @@ impl Print {
                 let sample = |k: usize| {
                     let (x, y) = (place(k % SAMPLES), place(k / SAMPLES));
                     let at = |i: usize| (1.0 - y) * (a[i] + x * (b[i] - a[i])) + y * (c[i] + x * (d[i] - c[i]));
-                    self.gray(pose.place([at(0), at(1)]))
+                    self.gray(pose.place(axes, [at(0), at(1)]))
                 };
                 (0..SAMPLES * SAMPLES).map(sample).sum::<f64>() / (SAMPLES * SAMPLES) as f64
             })

@@ -15,7 +15,7 @@ use multiscopic::{
     capture::{BlockingCamera, Imperfections, camera::V4l2Camera},
     files::image_codec,
 };
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use crate::command::{
@@ -197,6 +197,22 @@ struct SimulatedBoard {
     taken: u32,
 }
 
+/// The pose of the camera in the board's coordinates. In arrays, since it is needed for every sample.
+struct CameraOverBoard {
+    /// The place of the camera.
+    origin: [f64; 3],
+    /// The coordinates of a direction `(x, y, z)` along each of the board's axes, as factors of `x`, `y` and `z`.
+    axes: [[f64; 3]; 3],
+}
+
+impl CameraOverBoard {
+    fn new(to_board: &Isometry3<f64>) -> CameraOverBoard {
+        let rotation = to_board.rotation.to_rotation_matrix();
+        let axes = [0, 1, 2].map(|axis| [0, 1, 2].map(|k| rotation[(axis, k)]));
+        CameraOverBoard { origin: to_board.translation.vector.into(), axes }
+    }
+}
+
 impl SimulatedBoard {
     /// A camera whose images are `size` pixels large.
     fn new(board: &PrintedBoard, camera: &CameraModel, size: [usize; 2]) -> SimulatedBoard {
@@ -232,11 +248,10 @@ impl SimulatedBoard {
         Isometry3::from_parts((Vector3::new(across, down, distance) - rotation * center).into(), rotation)
     }
 
-    fn light(&self, to_board: &Isometry3<f64>, direction: [f64; 2]) -> f64 {
-        let origin = to_board * Point3::origin();
-        let ray = to_board.rotation * Vector3::new(direction[0], direction[1], 1.0);
-        let reach = -origin.z / ray.z;
-        let at = |axis: usize| ((origin[axis] + reach * ray[axis] + self.border_mm) * PER_MM).floor();
+    fn light(&self, CameraOverBoard { origin, axes }: &CameraOverBoard, direction: [f64; 2]) -> f64 {
+        let ray = |axis: usize| axes[axis][0] * direction[0] + axes[axis][1] * direction[1] + axes[axis][2];
+        let reach = -origin[2] / ray(2);
+        let at = |axis: usize| ((origin[axis] + reach * ray(axis) + self.border_mm) * PER_MM).floor();
         let [u, v] = [at(0), at(1)];
         let is_on_board = u >= 0.0 && v >= 0.0 && u < self.print.width() as f64 && v < self.print.height() as f64;
         match reach > 0.0 && is_on_board {
@@ -245,14 +260,14 @@ impl SimulatedBoard {
         }
     }
 
-    fn pixel(&self, to_board: &Isometry3<f64>, u: usize, v: usize) -> f64 {
+    fn pixel(&self, camera: &CameraOverBoard, u: usize, v: usize) -> f64 {
         let corner = |du: usize, dv: usize| self.directions.get(u + du, v + dv);
         let (Some(a), Some(b), Some(c), Some(d)) = (corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)) else { return 0.0 };
         let place = |k: usize| (k as f64 + 0.5) / SAMPLES as f64;
         let sample = |k: usize| {
             let (x, y) = (place(k % SAMPLES), place(k / SAMPLES));
             let between = |axis: usize| (1.0 - y) * (a[axis] + x * (b[axis] - a[axis])) + y * (c[axis] + x * (d[axis] - c[axis]));
-            self.light(to_board, [between(0), between(1)])
+            self.light(camera, [between(0), between(1)])
         };
         (0..SAMPLES * SAMPLES).map(sample).sum::<f64>() / (SAMPLES * SAMPLES) as f64
     }
@@ -273,11 +288,10 @@ impl BlockingCamera for SimulatedBoard {
     type Error = Infallible;
 
     fn take(&mut self, _: Duration, is_cancelled: &AtomicBool) -> std::result::Result<GrayImage, Infallible> {
-        let to_board = self.pose().inverse();
+        let camera = CameraOverBoard::new(&self.pose().inverse());
         self.taken += 1;
         let [width, height] = self.size;
-        let gray =
-            |k: usize| if is_cancelled.load(Ordering::Relaxed) { 0.0 } else { self.pixel(&to_board, k % width, k / width) };
+        let gray = |k: usize| if is_cancelled.load(Ordering::Relaxed) { 0.0 } else { self.pixel(&camera, k % width, k / width) };
         let grays: Vec<f64> = (0..width * height).into_par_iter().map(gray).collect();
         // The sum of twelve numbers from 0 to 1 has a variance of 1.
         let mut noise = || NOISE * ((0..12).map(|_| self.random.f64()).sum::<f64>() - 6.0);

@@ -55,8 +55,9 @@ const QUICK: [&str; 9] = [
 
 /// The tests that optimisation might change: of what computes, not of what talks to users, browsers, cameras and stages.
 const COMPUTATIONS: [&str; 5] = ["--lib", "--test=matching", "--test=methods", "--test=mccnn", "--test=real_data"];
-/// The tests of bytes from outside and of rectification by lines, which are mostly integers and bounds.
-const OTHER_COMPUTATIONS: [&str; 2] = ["--test=outside_bytes", "--test=rectified_lines"];
+/// The tests of bytes from outside and of rectification by lines, which are mostly integers and bounds, and of the pipeline to
+/// packets, which the sample of the firmware tests optimised too.
+const OTHER_COMPUTATIONS: [&str; 4] = ["-pmultiscopic-edge", "--lib", "--test=outside_bytes", "--test=rectified_lines"];
 /// The tests of the program, of which debug leaves out what takes minutes there.
 const PROGRAM: [&str; 2] = ["--test=commands", "--test=capture"];
 

@@ -59,9 +59,8 @@ pub fn read(command: &mut Command) -> Result<String> {
 
 /// The packages that are tested in release, and their features. The unit tests of the host would be compiled once more, for
 /// minutes, and so would the runner.
-pub const OPTIMIZED: [&str; 6] = [
+pub const OPTIMIZED: [&str; 5] = [
     "-pmultiscopic-core",
-    "-pmultiscopic-edge",
     "-pmultiscopic-drivers",
     "-pmultiscopic-tests",
     "--no-default-features",

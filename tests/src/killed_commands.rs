@@ -11,9 +11,9 @@ use std::{
 };
 
 use multiscopic::{Frames, Rig};
+use multiscopic_reference::split_mix::Random;
 
 use crate::program::{self, make};
-use multiscopic_reference::split_mix::Random;
 
 /// A file of the user beside the outputs.
 const OF_THE_USER: &str = "notes.txt";

@@ -16,6 +16,7 @@ use multiscopic_core::{
     Fusion, SearchConfig, Views,
     capture::{CaptureProgress, Plan, Policy},
 };
+use multiscopic_reference::split_mix::Random;
 
 use super::eye::{Blindness, Eye, PIXEL_UM, SIZE, SharedBlindness};
 use crate::simulated::{
@@ -24,7 +25,6 @@ use crate::simulated::{
     machine::{self, Firmware, SimulatedMachine},
     pose::Pose,
 };
-use multiscopic_reference::split_mix::Random;
 
 /// The disparity of the wall.
 const DISPARITY: i32 = 4;

@@ -11,8 +11,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use failing_rig::FailingRig;
 use multiscopic_reference::split_mix::Random;
+
+use failing_rig::FailingRig;
 
 /// The number of captures of ten that have a trouble.
 const TROUBLED: usize = 3;

@@ -3,6 +3,11 @@
 use std::{env, str::FromStr, time::SystemTime};
 
 use multiscopic_core::{BlockMatchingParams, PathPenalties, Views};
+use multiscopic_reference::{
+    Fusion, Match, raw16,
+    semi_global::{Cost, SemiGlobal},
+    split_mix::Random,
+};
 use proptest::{
     prelude::*,
     test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
@@ -11,11 +16,6 @@ use proptest::{
 use crate::test_images::{
     core_match::{params_in, views},
     view_set::ViewSet,
-};
-use multiscopic_reference::{
-    Fusion, Match, raw16,
-    semi_global::{Cost, SemiGlobal},
-    split_mix::Random,
 };
 
 /// The content of generated images.

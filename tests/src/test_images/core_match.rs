@@ -8,13 +8,13 @@ use multiscopic_core::{
     BlockMatchingParams, Census, Disparity, Frame, Fusion as CoreFusion, MatchError, Matcher, Memory, PathPenalties, Region,
     ScanlineSource, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views, kernel::Kernel,
 };
-
-use crate::test_images::view_set::{ViewSet, view_at};
 use multiscopic_reference::{
     Fusion,
     semi_global::{Cost, SemiGlobal},
     split_mix::Random,
 };
+
+use crate::test_images::view_set::{ViewSet, view_at};
 
 /// The core's parameters for the given match.
 pub fn params(

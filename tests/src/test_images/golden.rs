@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::test_images::view_set::ViewSet;
 use multiscopic_reference::{
     Fusion::{self, Heuristic, Mean, Min},
     raw16,
     semi_global::Cost,
 };
+
+use crate::test_images::view_set::ViewSet;
 
 /// The width of the golden images in pixels.
 pub const WIDTH: usize = 48;

@@ -5,8 +5,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::test_images::view_set::{ViewSet, read_grey, read_pfm};
 use multiscopic_reference::networks::file_name;
+
+use crate::test_images::view_set::{ViewSet, read_grey, read_pfm};
 
 /// The folder of the data: `$MULTISCOPIC_DATA`, or `../shared/data` beside the repository; `None` if neither
 /// exists.

@@ -5,7 +5,6 @@ use std::{fmt, fs, path::Path};
 use image::GrayImage;
 use multiscopic::Frames;
 use multiscopic_core::View;
-
 use multiscopic_reference::{
     Fusion, Match,
     semi_global::{Cost, PATHS, SemiGlobal},

@@ -41,11 +41,12 @@ use step::{
 pub use static_checks::architecture;
 
 /// The tests of `check`: units, and the comparisons of all methods with their references.
-const QUICK: [&str; 9] = [
+const QUICK: [&str; 10] = [
     "-pmultiscopic-core",
     "-pmultiscopic",
     "-pmultiscopic-cli",
     "-pmultiscopic-edge",
+    "-pmultiscopic-reference",
     "-pmultiscopic-tests",
     "--lib",
     "--bins",

@@ -59,9 +59,10 @@ pub fn read(command: &mut Command) -> Result<String> {
 
 /// The packages that are tested in release, and their features. The unit tests of the host would be compiled once more, for
 /// minutes, and so would the runner.
-pub const OPTIMIZED: [&str; 5] = [
+pub const OPTIMIZED: [&str; 6] = [
     "-pmultiscopic-core",
     "-pmultiscopic-drivers",
+    "-pmultiscopic-reference",
     "-pmultiscopic-tests",
     "--no-default-features",
     "--features=multiscopic-tests/program,multiscopic-drivers/hm01b0,multiscopic-drivers/stepper",

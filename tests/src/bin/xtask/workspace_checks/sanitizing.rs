@@ -15,10 +15,11 @@ use crate::{
 };
 
 /// The units of the libraries, and the comparisons of all methods and kernels with their references.
-const TESTS: [&str; 7] = [
+const TESTS: [&str; 8] = [
     "--package=multiscopic-core",
     "--package=multiscopic-edge",
     "--package=multiscopic",
+    "--package=multiscopic-reference",
     "--package=multiscopic-tests",
     "--lib",
     "--test=matching",

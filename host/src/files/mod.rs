@@ -11,7 +11,6 @@ pub mod output;
 mod picture_files;
 pub mod ply;
 mod rig_file;
-mod rig_list;
 #[cfg(feature = "mcap")]
 pub mod ros;
 
@@ -19,5 +18,4 @@ pub use disparity_files::{pfm_bytes, read_pfm, read_pfm_within, read_prior, read
 pub use frame_files::FrameFiles;
 pub use input::Limits;
 pub use npy::{write_npy, write_npz};
-pub use rig_file::{AlignmentRecord, Provenance, Residual, Rig};
-pub use rig_list::ListedRig;
+pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};

@@ -138,4 +138,301 @@ fn from_float(path: &Path, image: &FloatImage) -> Result<Picture> {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use image::{ColorType, ImageBuffer, Rgb, RgbImage, Rgba, codecs::jpeg::JpegEncoder};
+    use std::io::Cursor;
+
+    fn decode(bytes: &[u8]) -> Result<Picture> {
+        Picture::decode(Path::new("view.img"), bytes)
+    }
+
+    fn found(bytes: &[u8]) -> String {
+        match decode(bytes) {
+            Err(Error::Format { found, .. }) => found,
+            Err(error @ Error::PictureSize { .. }) => error.to_string().replace("view.img: found ", ""),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn png(image: impl Into<DynamicImage>) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        image.into().write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+        bytes
+    }
+
+    fn scene() -> RgbImage {
+        RgbImage::from_fn(23, 9, |u, v| Rgb([(u * 11) as u8, (v * 28) as u8, (u * v) as u8]))
+    }
+
+    fn jpeg() -> Vec<u8> {
+        let mut bytes = Vec::new();
+        JpegEncoder::new(&mut bytes).encode_image(&scene()).unwrap();
+        bytes
+    }
+
+    fn pfm() -> Vec<u8> {
+        [&b"Pf\n3 2\n-1.0\n"[..], &[0.0f32, 0.25, 0.5, 0.75, 1.0, 0.1].map(f32::to_le_bytes).concat()].concat()
+    }
+
+    /// A small file of each kind, with its name.
+    fn small_files() -> Vec<(&'static str, Vec<u8>)> {
+        let netpbm = |header: &str, samples: usize| [header.as_bytes(), &vec![77; samples]].concat();
+        vec![
+            ("PNG grey", png(Picture::Rgb(scene()).to_gray())),
+            ("PNG colour", png(scene())),
+            ("JPEG", jpeg()),
+            ("PGM", netpbm("P5\n# a comment\n4 3\n255\n", 12)),
+            ("PGM of 16 bits", netpbm("P5 4 3 65535\n", 24)),
+            ("PPM", netpbm("P6\n4 3\n255\n", 36)),
+            ("PGM in text", b"P2\n3 2\n255\n0 1 2\n3 4 5".to_vec()),
+            ("PPM in text", b"P3\n1 2\n255\n10 11 12\n13 14 5".to_vec()),
+            ("PFM", pfm()),
+        ]
+    }
+
+    #[test]
+    fn reads_each_format() {
+        assert_eq!(decode(&png(scene())).unwrap(), Picture::Rgb(scene()));
+        let gray = Picture::Rgb(scene()).to_gray();
+        assert_eq!(decode(&png(gray.clone())).unwrap(), Picture::Gray(gray));
+        assert_eq!(decode(&jpeg()).unwrap().dimensions(), (23, 9));
+        let gray = |w, h, bytes: &[u8]| Picture::Gray(GrayImage::from_raw(w, h, bytes.to_vec()).unwrap());
+        assert_eq!(decode(b"P2\n# made by hand\n3 2\n255\n0 1 2\n3 4 5\n").unwrap(), gray(3, 2, &[0, 1, 2, 3, 4, 5]));
+        assert_eq!(decode(b"P5 2 1 255\n\x07\x09").unwrap(), gray(2, 1, &[7, 9]));
+        assert_eq!(decode(b"P6 1 1 255\n\x01\x02\x03").unwrap().color(0, 0), [1, 2, 3]);
+        assert_eq!(decode(b"P3 1 1 255 1 2 3").unwrap().color(0, 0), [1, 2, 3]);
+        // Rows are bottom-up in a PFM.
+        assert_eq!(decode(&pfm()).unwrap(), gray(3, 2, &[191, 255, 26, 0, 64, 128]));
+    }
+
+    #[test]
+    fn drops_transparency() {
+        let deep = ImageBuffer::from_raw(1, 1, vec![0x1280u16, 0x34FF, 0x5600, 0x7800]).map(DynamicImage::ImageRgba16).unwrap();
+        assert_eq!(deep.color(), ColorType::Rgba16);
+        let colour = |samples: Vec<u16>| ImageBuffer::from_raw(1, 1, samples).map(Picture::Rgb16).unwrap();
+        assert_eq!(decode(&png(deep)).unwrap(), colour(vec![0x1280, 0x34FF, 0x5600]));
+        assert_eq!(decode(&png(ImageBuffer::from_pixel(1, 1, Rgba([1u8, 2, 3, 0])))).unwrap().color(0, 0), [1, 2, 3]);
+        // Opaque pixels are no bright samples.
+        let dark = ImageBuffer::from_pixel(1, 1, image::LumaA([1023u16, 65535]));
+        assert_eq!(decode(&png(dark)).unwrap().color(0, 0), [255; 3]);
+    }
+
+    fn deep_png(samples: &[u16]) -> Vec<u8> {
+        png(ImageBuffer::from_raw(samples.len() as u32, 1, samples.to_vec()).map(DynamicImage::ImageLuma16).unwrap())
+    }
+
+    /// The samples of a grey picture of 16 bits.
+    fn deep(picture: Result<Picture>) -> Vec<u16> {
+        match picture.unwrap() {
+            Picture::Gray16(gray) => gray.into_raw(),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn sixteen_bits_are_read_by_their_depth() {
+        for (brightest, depth) in [(1023, BitDepth::Ten), (4095, BitDepth::Twelve), (16383, BitDepth::Fourteen)] {
+            let samples = [brightest, 100, 0];
+            let expected = samples.map(|sample| (f64::from(sample) * 65535.0 / f64::from(brightest)).round() as u16);
+            for depth in [None, Some(depth)] {
+                assert_eq!(deep(super::decode(Path::new("p"), &deep_png(&samples), depth, Limits::DEFAULT)), expected);
+            }
+            assert_eq!(
+                deep(super::decode(Path::new("p"), &deep_png(&samples), Some(BitDepth::Sixteen), Limits::DEFAULT)),
+                samples
+            );
+            let brighter = deep_png(&[7, brightest + 1]);
+            let message = super::decode(Path::new("p.png"), &brighter, Some(depth), Limits::DEFAULT).unwrap_err().to_string();
+            let (found, bits) = (brightest + 1, depth.bits());
+            let expected = format!("p.png: found a sample of {found}, expected at most {brightest}, the maximum of {bits} bits");
+            assert_eq!(message, expected);
+        }
+        assert_eq!(deep(decode(&deep_png(&[0x12FF, 0xFF00]))), [0x12FF, 0xFF00]);
+        assert_eq!(deep(decode(b"P5 2 1 65535\n\x03\xFF\x00\x00")), [65535, 0]);
+        // A header that names the maximum is believed, whatever the depth and however dark the picture is.
+        for depth in [None, Some(BitDepth::Ten)] {
+            let named = super::decode(Path::new("p"), b"P5 2 1 4095\n\x01\x00\x02\x00", depth, Limits::DEFAULT);
+            assert_eq!(deep(named), [4097, 8194]);
+        }
+    }
+
+    #[test]
+    fn the_brightest_sample_of_all_files_counts() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str, bytes: &[u8]| {
+            std::fs::write(dir.path().join(name), bytes).unwrap();
+            dir.path().join(name)
+        };
+        let (dark, bright) = (file("a.png", &deep_png(&[9, 4])), file("b.pgm", b"P5 1 1 65535\n\x0F\x00"));
+        let others = [file("c.pgm", b"P5 1 1 60000\n\x80\x00"), file("d.png", &png(scene())), file("e.pfm", &pfm())];
+        let mut all: Vec<&Path> = others.iter().map(std::path::PathBuf::as_path).collect();
+        assert_eq!(Picture::brightest(&all, Limits::DEFAULT).unwrap(), None);
+        all.extend([&*dark, &*bright]);
+        assert_eq!(Picture::brightest(&all, Limits::DEFAULT).unwrap(), Some(0x0F00));
+        let damaged = file("f.png", &deep_png(&[1, 2])[..40]);
+        let none = dir.path().join("g.png");
+        let message = Picture::brightest(&[&dark, &damaged, &none], Limits::DEFAULT).unwrap_err().to_string();
+        assert!(message.contains("f.png"), "{message}");
+    }
+
+    #[test]
+    fn writes_what_it_reads() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("p.png");
+        let samples: Vec<u16> = (0..36).map(|k| 1820 * k).collect();
+        let rgb = ImageBuffer::from_raw(4, 3, samples.clone()).map(Picture::Rgb16).unwrap();
+        let gray = ImageBuffer::from_raw(6, 6, samples).map(Picture::Gray16).unwrap();
+        for picture in [rgb.clone().into_8_bits(), gray.clone().into_8_bits(), rgb, gray] {
+            picture.write_png(&path).unwrap();
+            assert_eq!(Picture::read_within(&path, Some(BitDepth::Sixteen), Limits::DEFAULT).unwrap(), picture);
+        }
+    }
+
+    /// EXIF data with one entry, the orientation, after the TIFF header of the EXIF specification (CIPA DC-008, 4.5.2): the order
+    /// of bytes, 42, the place of the first directory; its number of entries; tag 0x0112 of type 3 (SHORT) and length 1; and no
+    /// next directory.
+    fn exif(orientation: u16, big_endian: bool) -> Vec<u8> {
+        let short = |value: u16| if big_endian { value.to_be_bytes() } else { value.to_le_bytes() };
+        let long = |value: u32| if big_endian { value.to_be_bytes() } else { value.to_le_bytes() };
+        let order = if big_endian { b"MM" } else { b"II" };
+        let header = [&order[..], &short(42), &long(8), &short(1)].concat();
+        [&header[..], &short(0x0112), &short(3), &long(1), &short(orientation), &[0, 0], &long(0)].concat()
+    }
+
+    /// A PNG with an eXIf chunk after its header, or before its end.
+    fn tagged_png(png: &[u8], exif: &[u8], at_end: bool) -> Vec<u8> {
+        let named = [b"eXIf", exif].concat();
+        let chunk = [&(exif.len() as u32).to_be_bytes(), &named[..], &crc32fast::hash(&named).to_be_bytes()].concat();
+        // The signature and the header have 33 bytes, the end has 12.
+        let (before, after) = png.split_at(if at_end { png.len() - 12 } else { 33 });
+        [before, &chunk, after].concat()
+    }
+
+    /// A JPEG with an APP1 segment after its start.
+    fn tagged_jpeg(jpeg: &[u8], exif: &[u8]) -> Vec<u8> {
+        let length = (exif.len() as u16 + 8).to_be_bytes();
+        [&jpeg[..2], b"\xFF\xE1", &length, b"Exif\0\0", exif, &jpeg[2..]].concat()
+    }
+
+    /// Returns the place at which pixel `(u, v)` of an upright picture of `w` x `h` pixels is stored: orientation 6, say, has the
+    /// upright picture's right column in its first row, and its top row in its first column.
+    fn stored_at(orientation: u16, [w, h]: [u32; 2], [u, v]: [u32; 2]) -> [u32; 2] {
+        match orientation {
+            2 => [w - 1 - u, v],
+            3 => [w - 1 - u, h - 1 - v],
+            4 => [u, h - 1 - v],
+            5 => [v, u],
+            6 => [v, w - 1 - u],
+            7 => [h - 1 - v, w - 1 - u],
+            8 => [h - 1 - v, u],
+            _ => [u, v],
+        }
+    }
+
+    #[test]
+    fn exif_orientations_are_obeyed() {
+        let stored = decode(&jpeg()).unwrap();
+        // PNG and JPEG of the same pixels.
+        let files = [png(stored.to_rgb()), jpeg()];
+        for orientation in 0..=9 {
+            let (w, h) = if (5..=8).contains(&orientation) { (9, 23) } else { (23, 9) };
+            let upright = RgbImage::from_fn(w, h, |u, v| {
+                let [u, v] = stored_at(orientation, [w, h], [u, v]);
+                Rgb(stored.color(u, v))
+            });
+            for big_endian in [false, true] {
+                let exif = exif(orientation, big_endian);
+                let [png, jpeg] = &files;
+                for file in [tagged_png(png, &exif, false), tagged_png(png, &exif, true), tagged_jpeg(jpeg, &exif)] {
+                    assert_eq!(decode(&file).unwrap().to_rgb(), upright, "orientation {orientation}");
+                }
+            }
+        }
+        // 16 bits are turned as well, and damaged metadata say nothing.
+        let exif = exif(8, true);
+        let tagged = |exif: &[u8]| deep(decode(&tagged_png(&deep_png(&[40000, 2, 3]), exif, false)));
+        assert_eq!((tagged(&exif), tagged(&exif[..14])), (vec![3, 2, 40000], vec![40000, 2, 3]));
+    }
+
+    #[test]
+    fn the_contents_decide_the_format_and_errors_name_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("left.jpg");
+        std::fs::write(&path, png(scene())).unwrap();
+        assert_eq!(Picture::read(&path).unwrap().to_rgb(), scene());
+        std::fs::write(&path, "#!/bin/sh\n").unwrap();
+        let message = Picture::read(&path).unwrap_err().to_string();
+        assert!(message.contains("left.jpg: found an unknown kind of file, expected a PNG, PGM"), "{message}");
+        assert_eq!(found(b"GIF89a______________"), "a Gif image");
+    }
+
+    #[test]
+    fn a_disparity_map_is_not_a_picture() {
+        let map = [&b"Pf 1 1 -1\n"[..], &f32::INFINITY.to_le_bytes()].concat();
+        assert!(found(&map).contains("the value inf"));
+    }
+
+    #[test]
+    fn absurd_headers_are_refused() {
+        for header in
+            ["P5 0 0 255\n", "P5 0 7 255\n", "P5 65535 65535 255\n", "P5 4000000000 4000000000 255\n", "P6 70000 1 255\n"]
+        {
+            let size = found(header.as_bytes());
+            assert!(size.starts_with("a picture of "), "{header} {size}");
+        }
+        assert!(found(b"P5 99999999999 1 255\n").contains("damaged"));
+        assert!(found(b"P5 2 2 70000\n").contains("damaged"));
+
+        // Another width and height in the header of a PNG, with a matching checksum.
+        for (width, height) in [(65535u32, 65535u32), (4_000_000_000, 4_000_000_000), (0, 9), (23, 0), (70_000, 1)] {
+            let mut bytes = png(scene());
+            bytes[16..20].copy_from_slice(&width.to_be_bytes());
+            bytes[20..24].copy_from_slice(&height.to_be_bytes());
+            let checksum = crc32fast::hash(&bytes[12..29]);
+            bytes[29..33].copy_from_slice(&checksum.to_be_bytes());
+            found(&bytes);
+        }
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        for (name, bytes) in small_files() {
+            assert!(decode(&bytes).is_ok(), "{name}");
+            for length in 0..bytes.len() {
+                assert!(decode(&bytes[..length]).is_err(), "{name}: {length} of {} bytes are accepted", bytes.len());
+            }
+        }
+    }
+
+    #[test]
+    fn no_damage_panics() {
+        let mut state = 1u32;
+        let mut random = move |below: usize| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as usize % below
+        };
+        for (_, bytes) in small_files() {
+            for _ in 0..500 {
+                let mut damaged = bytes.clone();
+                for _ in 0..=random(3) {
+                    // Half of the damage goes to the header, which matters most.
+                    let end = if random(2) == 0 { bytes.len() } else { bytes.len().min(40) };
+                    damaged[random(end)] = random(256) as u8;
+                }
+                let _ = decode(&damaged);
+            }
+        }
+    }
+
+    #[test]
+    fn a_small_jpeg_file_cannot_hold_a_large_picture() {
+        let mut bytes = jpeg();
+        let frame = bytes.windows(2).position(|marker| marker == [0xFF, 0xC0]).unwrap();
+        bytes[frame + 5..frame + 9].fill(0xFE);
+        let message = found(&bytes);
+        assert!(message.contains("a picture of 65278x65278 pixels"), "{message}");
+        bytes[frame + 5..frame + 9].copy_from_slice(&[0x10, 0, 0x10, 0]);
+        assert!(found(&bytes).contains("data are missing for its 4096x4096 pixels"));
+    }
+}

@@ -84,8 +84,8 @@ const PARTS: [Part; 6] = [
         name: "readers",
         package: "multiscopic",
         files: &[
-            "host/src/files/{disparity_files,frame_files,image_codec,input,npy,rig_file,rig_list}.rs",
-            "host/src/files/{jpeg_scans,picture_files}/**",
+            "host/src/files/{disparity_files,frame_files,image_codec,input,npy,picture_files,rig_file}.rs",
+            "host/src/files/jpeg_scans/**",
             "host/src/lens/calibration_files/**",
         ],
         excluded: &["**/tests.rs"],

@@ -20,15 +20,10 @@
 
 pub mod checkpoint;
 mod costs;
-mod features;
-mod fused;
 mod network;
 pub mod package;
-mod pickle;
 mod weights;
 
-pub use costs::Costs;
-pub use features::Features;
-pub use fused::fused_costs;
-pub use network::{Input, Network};
+pub use costs::{Costs, fused_costs};
+pub use network::{Features, Input, Network};
 pub use weights::{Architecture, Tensor, Weights};

@@ -30,7 +30,14 @@ mod cost_function;
 pub(crate) mod memory;
 mod method;
 mod method_name;
-pub mod optimization;
+pub mod optimization {
+    //! Optimization: the disparity of every pixel by its costs, and by those of its neighbours.
+
+    pub mod edge_aware;
+    pub mod graph_cuts;
+
+    pub use multiscopic_engine::{sgm, winner};
+}
 pub mod refinement;
 
 pub use crate::files::npy::write_inputs;

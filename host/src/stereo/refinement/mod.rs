@@ -1,11 +1,10 @@
 //! Refinement: checks and filters of the selected disparities, and the order in which a method applies them.
 
-mod background;
 mod checks;
+mod filters;
 mod line_solver;
 mod lucas_kanade;
 mod smoother;
-mod windows;
 
 use std::ops::RangeInclusive;
 
@@ -20,12 +19,11 @@ use crate::{
     images::{DisparityMap, Frames},
 };
 
-pub use background::BackgroundFill;
-pub(in crate::stereo) use background::fill_lines;
 pub use checks::{Speckles, TextureThreshold, check_left_right, keep_unique, view_disparities};
+pub(in crate::stereo) use filters::fill_lines;
+pub use filters::{BackgroundFill, Bilateral, Median};
 pub use lucas_kanade::LucasKanade;
 pub use smoother::Smoother;
-pub use windows::{Bilateral, Median};
 
 /// The refinements of a method's disparities, applied in the order of the fields; by default none.
 ///

@@ -3,7 +3,7 @@
 use multiscopic_core::Disparity;
 
 use super::{
-    background::BackgroundFill,
+    filters::BackgroundFill,
     line_solver::{LineSolver, Plane, Strip},
 };
 use crate::{

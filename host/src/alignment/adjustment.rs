@@ -22,7 +22,7 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 
 use rayon::prelude::*;
 
-use super::view_model::{Projection, ViewModel};
+use super::view_geometry::{Projection, ViewModel};
 
 /// The number of parameters of a view.
 const LEN: usize = ViewModel::LEN;

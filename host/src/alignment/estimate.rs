@@ -18,10 +18,9 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::{
     adjustment::{Adjustment, Point, adjust},
-    homography::{Map, Pinhole, common_rotation, common_rotation_with_deviation},
     inspection::{Inspection, suspicion},
     tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
-    view_model::{Direction, EpipolarError, ViewModel},
+    view_geometry::{Direction, EpipolarError, Map, Pinhole, ViewModel, common_rotation, common_rotation_with_deviation},
 };
 use crate::{
     error::{AlignmentError, Error, Result, Warning},
@@ -152,7 +151,7 @@ impl Alignment {
             views: BTreeMap::new(),
             errors: BTreeMap::new(),
             common,
-            common_deviation_deg: common_rotation_with_deviation(&adjustment, &nominals).1,
+            common_deviation_deg: common_rotation_with_deviation(&adjustment.models, &adjustment.deviations, &nominals).1,
             source,
             target,
             looks_distorted: adjustment.looks_distorted,

@@ -11,24 +11,22 @@
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | `tracking` | corners of the centre, found in a view by images at descending sizes, and the matches that agree with each other |
-//! | `view_model` | the places and the rotations of views, the errors of their matches: [`EpipolarError`] |
+//! | `tracking` | corners of the centre, found in a view by images at descending sizes, and the matches that agree |
+//! | `view_geometry` | the rotation of each view and that of all, the errors of matches: [`EpipolarError`], and homographies |
 //! | `adjustment` | bundle adjustment |
-//! | `homography` | the common rotation, and the homographies of the frames |
 //! | `mounting` | the rotation of a camera against the stage that moves it: [`Mounting`] |
 //! | `inspection` | the properties of images before they are matched: [`Inspection`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
 
 mod adjustment;
 mod estimate;
-mod homography;
 mod inspection;
 mod mounting;
 mod tracking;
-mod view_model;
+mod view_geometry;
 
 pub use estimate::Alignment;
 pub(crate) use estimate::median;
 pub use inspection::Inspection;
 pub use mounting::Mounting;
-pub use view_model::{EpipolarError, across};
+pub use view_geometry::{EpipolarError, across};

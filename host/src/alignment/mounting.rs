@@ -6,9 +6,8 @@ use nalgebra::Vector3;
 use super::{
     adjustment::adjust_moved,
     estimate::{median, points},
-    homography::{Pinhole, common_rotation_with_deviation},
     tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
-    view_model::Direction,
+    view_geometry::{Direction, Pinhole, common_rotation_with_deviation},
 };
 use crate::{
     error::{MountingError, Result},
@@ -98,7 +97,7 @@ impl Mounting {
         if parallax_px < MIN_PARALLAX_PX {
             return Err(MountingError::SmallParallax { parallax_px, needed_px: MIN_PARALLAX_PX }.into());
         }
-        let (rotation_deg, deviation_deg) = common_rotation_with_deviation(&adjustment, &nominal);
+        let (rotation_deg, deviation_deg) = common_rotation_with_deviation(&adjustment.models, &adjustment.deviations, &nominal);
         let worst = deviation_deg.into_iter().fold(0.0, f64::max);
         if worst.is_nan() || worst > MAX_DEVIATION_DEG {
             return Err(MountingError::Uncertain { deviation_deg: worst, allowed_deg: MAX_DEVIATION_DEG }.into());

@@ -19,7 +19,7 @@ use multiscopic_core::View;
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
 
-use super::view_model::Direction;
+use super::view_geometry::Direction;
 use crate::images::{InterpolatedImage, extended_pixel};
 
 /// The least correlation of a corner with its match.

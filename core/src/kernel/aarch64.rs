@@ -1,9 +1,7 @@
 //! NEON: the vector instructions of 64-bit Arm.
 //!
-//! SAFETY contract of every unsafe block in this module: its instructions exist, since the module is only
-//! compiled where every processor of the target has NEON. Every load and store goes through a slice that
-//! holds the whole register.
-#![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
+//! The module is only compiled where every processor of the target has NEON.
+#![allow(unsafe_code)]
 
 use core::{arch::aarch64::*, array};
 
@@ -36,11 +34,13 @@ impl Isa for Neon {
 
     #[inline(always)]
     fn load_column(self, sums: &[u16; 16]) -> U16x16 {
+        // SAFETY: every processor of the target has NEON. Each load reads a register's worth of the array.
         unsafe { U16x16([vld1q_u16(sums.as_ptr()), vld1q_u16(sums[8..].as_ptr())]) }
     }
 
     #[inline(always)]
     fn differences(self, center: u8, view: &[u8; 16]) -> U16x16 {
+        // SAFETY: every processor of the target has NEON. The load reads an array as long as a register.
         unsafe {
             let (center, view) = (vdupq_n_u8(center), vld1q_u8(view.as_ptr()));
             U16x16([vabdl_u8(vget_low_u8(center), vget_low_u8(view)), vabdl_high_u8(center, view)])
@@ -49,6 +49,7 @@ impl Isa for Neon {
 
     #[inline(always)]
     fn advance(self, sums: U16x16, center: Change<u8>, view: Change<&[u8; 16]>) -> U16x16 {
+        // SAFETY: every processor of the target has NEON. Each load reads a register's worth of the array.
         unsafe {
             // One instruction takes absolute differences, widens and adds them. There is none that subtracts
             // them.
@@ -66,6 +67,7 @@ impl Column for U16x16 {
 
     #[inline(always)]
     fn store(self, sums: &mut [u16; 16]) {
+        // SAFETY: every processor of the target has NEON. Each store fills a register's worth of the array.
         unsafe {
             vst1q_u16(sums.as_mut_ptr(), self.0[0]);
             vst1q_u16(sums[8..].as_mut_ptr(), self.0[1]);
@@ -74,6 +76,7 @@ impl Column for U16x16 {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         self.zip(other, |a, b| unsafe { vaddq_u16(a, b) })
     }
 }
@@ -90,12 +93,14 @@ impl Blocks<u16> for Neon {
 
     #[inline(always)]
     fn splat(self, cost: u16) -> U16x16 {
+        // SAFETY: every processor of the target has NEON.
         U16x16([unsafe { vdupq_n_u16(cost) }; 2])
     }
 
     /// The least of the indices whose lanes are equal, found without a branch.
     #[inline(always)]
     fn position(self, costs: &[[u16; 16]], cost: u16) -> usize {
+        // SAFETY: every processor of the target has NEON. The load reads an array as long as a register.
         unsafe {
             let cost = vdupq_n_u16(cost);
             let mut indices = vld1q_u16([0, 1, 2, 3, 4, 5, 6, 7].as_ptr());
@@ -122,32 +127,38 @@ impl Block<u16> for U16x16 {
 
     #[inline(always)]
     fn slide(self, entering: U16x16, leaving: U16x16) -> Self {
+        // SAFETY: every processor of the target has NEON.
         Column::add(self, entering).zip(leaving, |a, b| unsafe { vsubq_u16(a, b) })
     }
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         self.zip(other, |a, b| unsafe { vqaddq_u16(a, b) })
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         self.zip(other, |a, b| unsafe { vminq_u16(a, b) })
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         self.zip(other, |a, b| unsafe { vmaxq_u16(a, b) })
     }
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         let choose = |i: usize| unsafe { vbslq_u16(vcgtq_u16(self.0[i], other.0[i]), then.0[i], otherwise.0[i]) };
         U16x16([choose(0), choose(1)])
     }
 
     #[inline(always)]
     fn least(self) -> u16 {
+        // SAFETY: every processor of the target has NEON.
         unsafe { vminvq_u16(vminq_u16(self.0[0], self.0[1])) }
     }
 }
@@ -166,17 +177,20 @@ impl Blocks<u32> for Neon {
 
     #[inline(always)]
     fn load_block(self, costs: &[u32; 16]) -> U32x16 {
+        // SAFETY: every processor of the target has NEON. The load reads a register's worth of the array.
         U32x16(array::from_fn(|i| unsafe { vld1q_u32(costs[4 * i..4 * i + 4].as_ptr()) }))
     }
 
     #[inline(always)]
     fn splat(self, cost: u32) -> U32x16 {
+        // SAFETY: every processor of the target has NEON.
         U32x16([unsafe { vdupq_n_u32(cost) }; 4])
     }
 
     /// The least of the indices whose lanes are equal, found without a branch.
     #[inline(always)]
     fn position(self, costs: &[[u32; 16]], cost: u32) -> usize {
+        // SAFETY: every processor of the target has NEON. The load reads an array as long as a register.
         unsafe {
             let cost = vdupq_n_u32(cost);
             let mut indices = vld1q_u32([0, 1, 2, 3].as_ptr());
@@ -200,14 +214,17 @@ impl Block<u32> for U32x16 {
     #[inline(always)]
     fn store(self, costs: &mut [u32; 16]) {
         for (costs, lanes) in costs.as_chunks_mut::<4>().0.iter_mut().zip(self.0) {
+            // SAFETY: every processor of the target has NEON. The store fills an array as long as a register.
             unsafe { vst1q_u32(costs.as_mut_ptr(), lanes) };
         }
     }
 
     #[inline(always)]
     fn slide(self, entering: U16x16, leaving: U16x16) -> Self {
+        // SAFETY: every processor of the target has NEON.
         let low =
             |lanes, i: usize| unsafe { vsubw_u16(vaddw_u16(lanes, vget_low_u16(entering.0[i])), vget_low_u16(leaving.0[i])) };
+        // SAFETY: every processor of the target has NEON.
         let high = |lanes, i: usize| unsafe { vsubw_high_u16(vaddw_high_u16(lanes, entering.0[i]), leaving.0[i]) };
         let [a, b, c, d] = self.0;
         U32x16([low(a, 0), high(b, 0), low(c, 1), high(d, 1)])
@@ -215,21 +232,25 @@ impl Block<u32> for U32x16 {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         self.zip(other, |a, b| unsafe { vaddq_u32(a, b) })
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         self.zip(other, |a, b| unsafe { vminq_u32(a, b) })
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         self.zip(other, |a, b| unsafe { vmaxq_u32(a, b) })
     }
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         let choose = |i: usize| unsafe { vbslq_u32(vcgtq_u32(self.0[i], other.0[i]), then.0[i], otherwise.0[i]) };
         U32x16([choose(0), choose(1), choose(2), choose(3)])
     }
@@ -237,6 +258,7 @@ impl Block<u32> for U32x16 {
     #[inline(always)]
     fn least(self) -> u32 {
         let [a, b, c, d] = self.0;
+        // SAFETY: every processor of the target has NEON.
         unsafe { vminvq_u32(vminq_u32(vminq_u32(a, b), vminq_u32(c, d))) }
     }
 }
@@ -257,11 +279,13 @@ impl Bytes for Neon {
 
     #[inline(always)]
     fn load_bytes(self, costs: &[u8; 16]) -> U8x16 {
+        // SAFETY: every processor of the target has NEON. The load reads an array as long as a register.
         U8x16(unsafe { vld1q_u8(costs.as_ptr()) })
     }
 
     #[inline(always)]
     fn splat_byte(self, cost: u8) -> U8x16 {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vdupq_n_u8(cost) })
     }
 
@@ -272,6 +296,7 @@ impl Bytes for Neon {
 
     #[inline(always)]
     fn hamming_distances<const N: usize>(self, descriptor: [u8; N], others: [&[u8; 16]; N]) -> U8x16 {
+        // SAFETY: every processor of the target has NEON. The load reads an array as long as a register.
         unsafe {
             let mut sum = vdupq_n_u8(0);
             for byte in 0..N {
@@ -292,41 +317,49 @@ impl ByteVector for U8x16 {
 
     #[inline(always)]
     fn store(self, costs: &mut [u8; 16]) {
+        // SAFETY: every processor of the target has NEON. The store fills an array as long as a register.
         unsafe { vst1q_u8(costs.as_mut_ptr(), self.0) }
     }
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vqaddq_u8(self.0, other.0) })
     }
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vqsubq_u8(self.0, other.0) })
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vminq_u8(self.0, other.0) })
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vmaxq_u8(self.0, other.0) })
     }
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vbslq_u8(vcgtq_u8(self.0, other.0), then.0, otherwise.0) })
     }
 
     #[inline(always)]
     fn halved(self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vshrq_n_u8::<1>(self.0) })
     }
 
     #[inline(always)]
     fn third(self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         unsafe {
             // 43 / 128 is exact up to 127.
             let factor = vdup_n_u8(43);
@@ -337,21 +370,25 @@ impl ByteVector for U8x16 {
 
     #[inline(always)]
     fn least(self) -> u8 {
+        // SAFETY: every processor of the target has NEON.
         unsafe { vminvq_u8(self.0) }
     }
 
     #[inline(always)]
     fn least_in_each(self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vdupq_n_u8(vminvq_u8(self.0)) })
     }
 
     #[inline(always)]
     fn moved_up(self, previous: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vextq_u8::<15>(previous.0, self.0) })
     }
 
     #[inline(always)]
     fn moved_down(self, next: Self) -> Self {
+        // SAFETY: every processor of the target has NEON.
         U8x16(unsafe { vextq_u8::<1>(self.0, next.0) })
     }
 }

@@ -1,5 +1,5 @@
-//! AVX2: costs in 8-bit lanes. The safety contract is that of [`avx2`](super::avx2).
-#![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
+//! AVX2: costs in 8-bit lanes. Unsafe code is sound as in [`avx2`](super::avx2).
+#![allow(unsafe_code)]
 
 use core::arch::x86_64::*;
 
@@ -12,8 +12,12 @@ pub struct U8x32(__m256i);
 
 impl U8x32 {
     /// The least of all lanes, in the first.
+    ///
+    /// # Safety
+    /// The processor has AVX2.
     #[inline(always)]
     unsafe fn least_first(self) -> __m128i {
+        // SAFETY: the caller vouches for AVX2.
         unsafe {
             let half = _mm_min_epu8(_mm256_castsi256_si128(self.0), _mm256_extracti128_si256::<1>(self.0));
             _mm_minpos_epu16(_mm_min_epu8(half, _mm_srli_epi16::<8>(half)))
@@ -23,8 +27,12 @@ impl U8x32 {
 
 /// `factors` are 1 and the number of paths, in turns. Those times the excess and the costs, in 16 bits: the sums of
 /// the lower and the upper half of each half of the lanes.
+///
+/// # Safety
+/// The processor has AVX2.
 #[inline(always)]
 unsafe fn path_sums(costs: U8x32, excess: U8x32, factors: __m256i) -> [__m256i; 2] {
+    // SAFETY: the caller vouches for AVX2.
     unsafe {
         let (low, high) = (_mm256_unpacklo_epi8(excess.0, costs.0), _mm256_unpackhi_epi8(excess.0, costs.0));
         [_mm256_maddubs_epi16(low, factors), _mm256_maddubs_epi16(high, factors)]
@@ -32,8 +40,12 @@ unsafe fn path_sums(costs: U8x32, excess: U8x32, factors: __m256i) -> [__m256i; 
 }
 
 /// Divides sums: [`Divisor::divide`], but for the limit of quotients of three.
+///
+/// # Safety
+/// The processor has AVX2, and `sums` points to as many sums as a register holds.
 #[inline(always)]
 unsafe fn divide(divisor: Divisor, sums: *const u16) -> __m256i {
+    // SAFETY: the caller vouches for AVX2 and for the sums.
     unsafe {
         let sums = _mm256_loadu_si256(sums.cast());
         let shifted = _mm256_srl_epi16(sums, _mm_cvtsi32_si128(divisor.shift as i32));
@@ -51,11 +63,13 @@ impl Bytes for Avx2 {
 
     #[inline(always)]
     fn load_bytes(self, costs: &[u8; 32]) -> U8x32 {
+        // SAFETY: the token vouches for AVX2. The load reads an array as long as a register.
         U8x32(unsafe { _mm256_loadu_si256(costs.as_ptr().cast()) })
     }
 
     #[inline(always)]
     fn splat_byte(self, cost: u8) -> U8x32 {
+        // SAFETY: the token vouches for AVX2.
         U8x32(unsafe { _mm256_set1_epi8(cost as i8) })
     }
 
@@ -66,6 +80,7 @@ impl Bytes for Avx2 {
 
     #[inline(always)]
     fn hamming_distances<const N: usize>(self, descriptor: [u8; N], others: [&[u8; 32]; N]) -> U8x32 {
+        // SAFETY: the token vouches for AVX2. The load reads an array as long as a register.
         unsafe {
             // The number of set bits of each four-bit number.
             let counts = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4));
@@ -87,9 +102,11 @@ impl PixelLoops for Avx2 {
     #[inline(always)]
     fn divide(self, divisor: Divisor, sums: &[[u16; 32]], quotients: &mut [u8]) {
         for (sums, quotients) in sums.iter().zip(quotients.as_chunks_mut().0) {
-            // SAFETY: each half has as many sums as a register.
+            // SAFETY: the token vouches for AVX2. Each half has as many sums as a register holds.
             let [low, high] = unsafe { [divide(divisor, sums.as_ptr()), divide(divisor, sums[16..].as_ptr())] };
             // Packing within halves restores the order of the disparities.
+            //
+            // SAFETY: the token vouches for AVX2.
             unsafe {
                 let packed = _mm256_min_epu8(_mm256_packus_epi16(low, high), _mm256_set1_epi8(Divisor::LIMIT as i8));
                 U8x32(packed).store(quotients);
@@ -99,6 +116,7 @@ impl PixelLoops for Avx2 {
 
     #[inline(always)]
     fn winner(self, paths: u16, costs: &[[u8; 32]], excess: &[[u8; 32]]) -> (u16, usize) {
+        // SAFETY: the token vouches for AVX2.
         unsafe {
             let factors = _mm256_set1_epi16((paths << 8 | 1) as i16);
             let mut least = _mm256_set1_epi16(-1);
@@ -130,31 +148,37 @@ impl ByteVector for U8x32 {
 
     #[inline(always)]
     fn store(self, costs: &mut [u8; 32]) {
+        // SAFETY: a token made the vector, so the processor has AVX2. The store fills an array as long as a register.
         unsafe { _mm256_storeu_si256(costs.as_mut_ptr().cast(), self.0) }
     }
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         U8x32(unsafe { _mm256_adds_epu8(self.0, other.0) })
     }
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         U8x32(unsafe { _mm256_subs_epu8(self.0, other.0) })
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         U8x32(unsafe { _mm256_min_epu8(self.0, other.0) })
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         U8x32(unsafe { _mm256_max_epu8(self.0, other.0) })
     }
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         unsafe {
             let not_greater = _mm256_cmpeq_epi8(_mm256_max_epu8(self.0, other.0), other.0);
             U8x32(_mm256_blendv_epi8(then.0, otherwise.0, not_greater))
@@ -163,11 +187,13 @@ impl ByteVector for U8x32 {
 
     #[inline(always)]
     fn halved(self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         U8x32(unsafe { _mm256_and_si256(_mm256_srli_epi16::<1>(self.0), _mm256_set1_epi8(0x7f)) })
     }
 
     #[inline(always)]
     fn third(self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         unsafe {
             // 43 / 128 is exact up to 127. A product has 16 bits.
             let factor = _mm256_set1_epi16(43);
@@ -180,16 +206,19 @@ impl ByteVector for U8x32 {
 
     #[inline(always)]
     fn least(self) -> u8 {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         unsafe { _mm_cvtsi128_si32(self.least_first()) as u8 }
     }
 
     #[inline(always)]
     fn least_in_each(self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         U8x32(unsafe { _mm256_broadcastb_epi8(self.least_first()) })
     }
 
     #[inline(always)]
     fn moved_up(self, previous: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         unsafe {
             let across = _mm256_permute2x128_si256::<0x21>(previous.0, self.0);
             U8x32(_mm256_alignr_epi8::<15>(self.0, across))
@@ -198,6 +227,7 @@ impl ByteVector for U8x32 {
 
     #[inline(always)]
     fn moved_down(self, next: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX2.
         unsafe {
             let across = _mm256_permute2x128_si256::<0x21>(self.0, next.0);
             U8x32(_mm256_alignr_epi8::<1>(across, self.0))

@@ -1,10 +1,8 @@
 //! AVX-512.
 //!
-//! SAFETY contract of every unsafe block in this module: its instructions exist, since all of them work on a
-//! vector or are reached from a token; only a token makes a vector, and only [`Avx512::new`], which is
-//! unsafe, makes a token. Every load and store goes through a reference to an array that holds the whole
-//! vector, and needs no alignment.
-#![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
+//! Unsafe code is sound here by the token: only [`Avx512::new`], which is unsafe, makes one, and only a token makes a vector. Where
+//! either is, the processor has AVX-512. Loads and stores need no alignment.
+#![allow(unsafe_code)]
 
 use core::arch::x86_64::*;
 
@@ -45,11 +43,13 @@ impl Isa for Avx512 {
 
     #[inline(always)]
     fn load_column(self, sums: &[u16; 64]) -> U16x64 {
+        // SAFETY: the token vouches for AVX-512. Each load reads a register's worth of the array.
         unsafe { U16x64([_mm512_loadu_si512(sums.as_ptr().cast()), _mm512_loadu_si512(sums[32..].as_ptr().cast())]) }
     }
 
     #[inline(always)]
     fn differences(self, center: u8, view: &[u8; 64]) -> U16x64 {
+        // SAFETY: the token vouches for AVX-512.
         unsafe {
             let (differences, zero) = (absolute_differences(center, view), _mm512_setzero_si512());
             U16x64([_mm512_unpacklo_epi8(differences, zero), _mm512_unpackhi_epi8(differences, zero)])
@@ -58,6 +58,7 @@ impl Isa for Avx512 {
 
     #[inline(always)]
     fn advance(self, sums: U16x64, center: Change<u8>, view: Change<&[u8; 64]>) -> U16x64 {
+        // SAFETY: the token vouches for AVX-512.
         unsafe {
             let entering = absolute_differences(center.entering, view.entering);
             let leaving = absolute_differences(center.leaving, view.leaving);
@@ -81,8 +82,13 @@ static LANE: [u8; 64] = {
     lanes
 };
 
+/// The absolute differences of the centre's sample and those of a view.
+///
+/// # Safety
+/// The processor has AVX-512.
 #[inline(always)]
 unsafe fn absolute_differences(center: u8, view: &[u8; 64]) -> __m512i {
+    // SAFETY: the caller vouches for AVX-512. The load reads an array as long as a register.
     unsafe {
         let (center, view) = (_mm512_set1_epi8(center as i8), _mm512_loadu_si512(view.as_ptr().cast()));
         _mm512_sub_epi8(_mm512_max_epu8(center, view), _mm512_min_epu8(center, view))
@@ -94,6 +100,7 @@ impl Column for U16x64 {
 
     #[inline(always)]
     fn store(self, sums: &mut [u16; 64]) {
+        // SAFETY: a token made the vector, so the processor has AVX-512. Each store fills a register's worth of the array.
         unsafe {
             _mm512_storeu_si512(sums.as_mut_ptr().cast(), self.0[0]);
             _mm512_storeu_si512(sums[32..].as_mut_ptr().cast(), self.0[1]);
@@ -102,6 +109,7 @@ impl Column for U16x64 {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         self.zip(other, |a, b| unsafe { _mm512_add_epi16(a, b) })
     }
 }
@@ -118,14 +126,17 @@ impl Blocks<u16> for Avx512 {
 
     #[inline(always)]
     fn splat(self, cost: u16) -> U16x64 {
+        // SAFETY: the token vouches for AVX-512.
         U16x64([unsafe { _mm512_set1_epi16(cost as i16) }; 2])
     }
 
     #[inline(always)]
     fn position(self, costs: &[[u16; 64]], cost: u16) -> usize {
+        // SAFETY: the token vouches for AVX-512.
         let cost = unsafe { _mm512_set1_epi16(cost as i16) };
         position(costs, |costs| {
             let U16x64(costs) = self.load_column(costs);
+            // SAFETY: the token vouches for AVX-512.
             let mask = |i: usize| u64::from(unsafe { _mm512_cmpeq_epu16_mask(costs[i], cost) });
             mask(0) | mask(1) << 32
         })
@@ -154,26 +165,31 @@ impl Block<u16> for U16x64 {
 
     #[inline(always)]
     fn slide(self, entering: U16x64, leaving: U16x64) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         Column::add(self, entering).zip(leaving, |a, b| unsafe { _mm512_sub_epi16(a, b) })
     }
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         self.zip(other, |a, b| unsafe { _mm512_adds_epu16(a, b) })
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         self.zip(other, |a, b| unsafe { _mm512_min_epu16(a, b) })
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         self.zip(other, |a, b| unsafe { _mm512_max_epu16(a, b) })
     }
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         let choose = |i: usize| unsafe {
             _mm512_mask_blend_epi16(_mm512_cmpgt_epu16_mask(self.0[i], other.0[i]), otherwise.0[i], then.0[i])
         };
@@ -182,6 +198,7 @@ impl Block<u16> for U16x64 {
 
     #[inline(always)]
     fn least(self) -> u16 {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         unsafe {
             let whole = _mm512_min_epu16(self.0[0], self.0[1]);
             let half = _mm256_min_epu16(_mm512_castsi512_si256(whole), _mm512_extracti64x4_epi64::<1>(whole));
@@ -193,7 +210,9 @@ impl Block<u16> for U16x64 {
     #[inline(always)]
     fn ordered(self) -> Self {
         let [low, high] = self.0;
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         let order = |quarters| unsafe { _mm512_permutex2var_epi64(low, quarters, high) };
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         unsafe {
             U16x64([order(_mm512_setr_epi64(0, 1, 8, 9, 2, 3, 10, 11)), order(_mm512_setr_epi64(4, 5, 12, 13, 6, 7, 14, 15))])
         }
@@ -209,7 +228,9 @@ impl U16x64 {
     /// The lanes in 32 bits.
     #[inline(always)]
     fn widen(self) -> U32x64 {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         let low = |whole| unsafe { _mm512_cvtepu16_epi32(_mm512_castsi512_si256(whole)) };
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         let high = |whole| unsafe { _mm512_cvtepu16_epi32(_mm512_extracti64x4_epi64::<1>(whole)) };
         U32x64([low(self.0[0]), high(self.0[0]), low(self.0[1]), high(self.0[1])])
     }
@@ -221,20 +242,24 @@ impl Blocks<u32> for Avx512 {
 
     #[inline(always)]
     fn load_block(self, costs: &[u32; 64]) -> U32x64 {
+        // SAFETY: the token vouches for AVX-512. The load reads a register's worth of the array.
         let load = |i: usize| unsafe { _mm512_loadu_si512(costs[16 * i..].as_ptr().cast()) };
         U32x64([load(0), load(1), load(2), load(3)])
     }
 
     #[inline(always)]
     fn splat(self, cost: u32) -> U32x64 {
+        // SAFETY: the token vouches for AVX-512.
         U32x64([unsafe { _mm512_set1_epi32(cost as i32) }; 4])
     }
 
     #[inline(always)]
     fn position(self, costs: &[[u32; 64]], cost: u32) -> usize {
+        // SAFETY: the token vouches for AVX-512.
         let cost = unsafe { _mm512_set1_epi32(cost as i32) };
         position(costs, |costs| {
             let U32x64(costs) = Blocks::<u32>::load_block(self, costs);
+            // SAFETY: the token vouches for AVX-512.
             let mask = |i: usize| u64::from(unsafe { _mm512_cmpeq_epu32_mask(costs[i], cost) });
             mask(0) | mask(1) << 16 | mask(2) << 32 | mask(3) << 48
         })
@@ -248,32 +273,38 @@ impl Block<u32> for U32x64 {
     #[inline(always)]
     fn store(self, costs: &mut [u32; 64]) {
         for i in 0..4 {
+            // SAFETY: a token made the vector, so the processor has AVX-512. The store fills a register's worth of the array.
             unsafe { _mm512_storeu_si512(costs[16 * i..].as_mut_ptr().cast(), self.0[i]) }
         }
     }
 
     #[inline(always)]
     fn slide(self, entering: U16x64, leaving: U16x64) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         self.add(entering.widen()).zip(leaving.widen(), |a, b| unsafe { _mm512_sub_epi32(a, b) })
     }
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         self.zip(other, |a, b| unsafe { _mm512_add_epi32(a, b) })
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         self.zip(other, |a, b| unsafe { _mm512_min_epu32(a, b) })
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         self.zip(other, |a, b| unsafe { _mm512_max_epu32(a, b) })
     }
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         let choose = |i: usize| unsafe {
             _mm512_mask_blend_epi32(_mm512_cmpgt_epu32_mask(self.0[i], other.0[i]), otherwise.0[i], then.0[i])
         };
@@ -283,13 +314,16 @@ impl Block<u32> for U32x64 {
     #[inline(always)]
     fn least(self) -> u32 {
         let [a, b, c, d] = self.0;
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         unsafe { _mm512_reduce_min_epu32(_mm512_min_epu32(_mm512_min_epu32(a, b), _mm512_min_epu32(c, d))) }
     }
 
     #[inline(always)]
     fn ordered(self) -> Self {
         let [a, b, c, d] = self.0;
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         let first = |a, b| unsafe { _mm512_shuffle_i64x2::<0b01_00_01_00>(a, b) };
+        // SAFETY: a token made the vector, so the processor has AVX-512.
         let second = |a, b| unsafe { _mm512_shuffle_i64x2::<0b11_10_11_10>(a, b) };
         U32x64([first(a, c), second(a, c), first(b, d), second(b, d)])
     }

@@ -1,8 +1,5 @@
 //! Single instructions as functions of words.
-//!
-//! SAFETY contract of every unsafe block in this module: an instruction is only assembled for a processor
-//! that has it, and these work on registers alone.
-#![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
+#![allow(unsafe_code)]
 
 use core::arch::asm;
 
@@ -15,6 +12,7 @@ macro_rules! instruction {
         #[inline(always)]
         pub(super) fn $name(a: u32, b: u32) -> u32 {
             let result;
+            // SAFETY: an instruction is only assembled for a processor that has it, and these work on registers alone.
             unsafe {
                 asm!(concat!($mnemonic, " {}, {}, {}" $(, $suffix)?), lateout(reg) result, in(reg) a, in(reg) b,
                      options(pure, nomem, nostack));
@@ -38,6 +36,7 @@ macro_rules! extension {
         #[inline(always)]
         pub(super) fn $name(a: u32) -> u32 {
             let result;
+            // SAFETY: an instruction is only assembled for a processor that has it, and these work on registers alone.
             unsafe {
                 asm!(concat!($mnemonic, " {}, {}", $suffix), lateout(reg) result, in(reg) a, options(pure, nomem, nostack));
             }
@@ -55,6 +54,7 @@ extension!(sxtb16_high, "sxtb16", ", ror #8");
 #[inline(always)]
 pub(super) fn smlad(a: u32, b: u32, sum: i32) -> i32 {
     let result;
+    // SAFETY: an instruction is only assembled for a processor that has it, and these work on registers alone.
     unsafe {
         asm!("smlad {}, {}, {}, {}", lateout(reg) result, in(reg) a, in(reg) b, in(reg) sum, options(pure, nomem, nostack));
     }
@@ -66,9 +66,10 @@ pub(super) fn smlad(a: u32, b: u32, sum: i32) -> i32 {
 #[inline(always)]
 pub(super) fn if_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
     let result;
+    // SAFETY: an instruction is only assembled for a processor that has it, and these work on registers alone.
     unsafe {
-        asm!("usub16 {result}, {a}, {b}", "sel {result}, {then}, {otherwise}", result = out(reg) result, a = in(reg) a, b = in(reg) b,
-             then = in(reg) then, otherwise = in(reg) otherwise, options(pure, nomem, nostack));
+        asm!("usub16 {result}, {a}, {b}", "sel {result}, {then}, {otherwise}", result = out(reg) result,
+             a = in(reg) a, b = in(reg) b, then = in(reg) then, otherwise = in(reg) otherwise, options(pure, nomem, nostack));
     }
     result
 }
@@ -78,6 +79,7 @@ pub(super) fn if_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
 /// The compiler has to believe that it works on memory: otherwise it loads many values ahead, more than there are registers.
 #[inline(always)]
 pub(super) fn count_within(value: u32, least: u32, span: u32, mut counts: u32) -> u32 {
+    // SAFETY: an instruction is only assembled for a processor that has it, and these work on registers alone.
     unsafe {
         asm!("usub16 {excess}, {value}, {least}", "usub16 {excess}, {span}, {excess}", "sel {excess}, {ones}, {zero}",
              "add {counts}, {counts}, {excess}", excess = out(reg) _, value = in(reg) value, least = in(reg) least,
@@ -90,9 +92,10 @@ pub(super) fn count_within(value: u32, least: u32, span: u32, mut counts: u32) -
 #[inline(always)]
 pub(super) fn if_byte_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
     let result;
+    // SAFETY: an instruction is only assembled for a processor that has it, and these work on registers alone.
     unsafe {
-        asm!("usub8 {result}, {a}, {b}", "sel {result}, {then}, {otherwise}", result = out(reg) result, a = in(reg) a, b = in(reg) b,
-             then = in(reg) then, otherwise = in(reg) otherwise, options(pure, nomem, nostack));
+        asm!("usub8 {result}, {a}, {b}", "sel {result}, {then}, {otherwise}", result = out(reg) result,
+             a = in(reg) a, b = in(reg) b, then = in(reg) then, otherwise = in(reg) otherwise, options(pure, nomem, nostack));
     }
     result
 }

@@ -56,8 +56,7 @@
 //! | `view` | [`View`], [`Frame`]: positions of the camera, and the places of matches |
 //! | `views` | [`Views`]: a set of views, in order |
 //! | `fusion` | [`Fusion`]: the fusion of the matching costs of several views into one |
-//! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement |
-//! | `depth` | [`Triangulation`], [`Depth`]: the distances of disparities |
+//! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement; [`Triangulation`], [`Depth`]: the distances of disparities |
 //! | `params` | [`SearchConfig`], [`SearchSpace`], [`BlockMatchingParams`], [`SemiGlobalParams`]: the search, and the method |
 //! | `error` | [`MatchError`], [`MemoryTooSmall`]: the errors of matching |
 //! | `region` | [`Region`]: the part of the frame that a pass computes |
@@ -88,7 +87,6 @@
 mod availability;
 pub mod capture;
 mod confidence;
-mod depth;
 mod disparity;
 mod error;
 mod filters;
@@ -110,8 +108,7 @@ mod views;
 pub use fixed;
 
 pub use confidence::{ConfidenceLines, ConfidenceTable, PeakRatio};
-pub use depth::{Depth, Triangulation};
-pub use disparity::Disparity;
+pub use disparity::{Depth, Disparity, Triangulation};
 pub use error::{MatchError, MemoryTooSmall};
 pub use filters::{CenterLines, MedianLines, ObservedSource, TextureLines, filter_by_confidence, slopes};
 pub use fusion::{Fusion, MatchingCost};

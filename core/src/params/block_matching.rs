@@ -1,6 +1,6 @@
 //! The parameters of block matching.
 
-use super::{ParamsError, SearchConfig, SearchSpace, prior::Prior};
+use super::{ParamsError, Prior, SearchConfig, SearchSpace};
 use crate::{Frame, Fusion, View, Views};
 
 /// The parameters of block matching: a [`SearchSpace`] and the size of the block. Every value of this type is

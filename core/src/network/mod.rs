@@ -6,10 +6,9 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `weight_file` | [`WeightFile`], [`QuantizedOutput`]: the file with the weights, and the way from sums of products to activations |
-//! | `network_layers` | [`NetworkLayers`]: the layers, whatever they compute with |
 //! | `channels` | [`PixelRow`]: the inputs, which are costs pooled over blocks of pixels and the channels of pixels |
 //! | `pixel_head` | [`PixelHead`], [`Exponentials`], [`fuse_rotations`]: disparities by the outputs of the last layer |
+//! | `network_layers` | [`WeightFile`]: the file with the weights; [`NetworkLayers`]: the layers, whatever they compute with |
 //! | `frame_lines` | lines of frames that lie whole in memory, and their descriptors |
 //! | `census_pair_lines` | [`CensusPairLines`]: matching costs of such frames |
 //! | `network_matcher` | [`NetworkMatcher`]: all of it in bounded memory |
@@ -20,17 +19,17 @@ mod frame_lines;
 mod network_layers;
 mod network_matcher;
 mod pixel_head;
-mod weight_file;
 
 pub use census_pair_lines::{CensusPair, CensusPairLines};
 pub use channels::{
     BLOCK, BLOCKS, BlockDisparity, CANDIDATE_CHANNELS, MAX_POOLED_COST, MEASURES, PIXEL_CHANNELS, PixelRow, block_rows,
     cost_channel, cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, paired, pool,
 };
-pub use network_layers::{ImageLayers, NetworkLayers, Skeleton, VolumeLayers};
+pub use network_layers::{
+    ImageLayers, LayerRecord, NetworkLayers, QuantizedOutput, Skeleton, VolumeLayers, WeightError, WeightFile,
+};
 pub use network_matcher::{NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError};
 pub use pixel_head::{Exponentials, PixelHead, PixelScores, blocks_around, fuse_rotations};
-pub use weight_file::{LayerRecord, QuantizedOutput, WeightError, WeightFile};
 
 /// The file with the trained weights.
 pub const TRAINED_WEIGHTS: &[u8] = include_bytes!("network.weights");

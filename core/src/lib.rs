@@ -56,11 +56,11 @@
 //! | `view` | [`View`], [`Frame`]: positions of the camera, and the places of matches |
 //! | `views` | [`Views`]: a set of views, in order |
 //! | `fusion` | [`Fusion`]: the fusion of the matching costs of several views into one |
-//! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement; [`Triangulation`], [`Depth`]: the distances of disparities |
+//! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement; [`Triangulation`], [`Depth`]: their distances |
 //! | `params` | [`SearchConfig`], [`SearchSpace`], [`BlockMatchingParams`], [`SemiGlobalParams`]: the search, and the method |
 //! | `error` | [`MatchError`], [`MemoryTooSmall`]: the errors of matching |
 //! | `region` | [`Region`]: the part of the frame that a pass computes |
-//! | `scanline` | [`ScanlineSource`], [`Rewind`]: sources of lines, such as memory, flash, a file or a sensor; [`Gradients`] of one |
+//! | `scanline` | [`ScanlineSource`], [`Rewind`]: sources of lines: memory, flash, a file or a sensor; [`Gradients`] of one |
 //! | `availability` | the frame's borders: the views that see a candidate |
 //! | [`kernel`] | the inner loops, for the vectors of each instruction set |
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |

@@ -15,18 +15,21 @@ use crate::{
 /// | buffer | bytes |
 /// | --- | --- |
 /// | `column_sums` | `2 X D` for each view |
-/// | `block_sums` | `2 D` for each view, `4 D` from a block size of 17; with batches, for the mean and the heuristic rule, as much again for each pixel of a batch |
+/// | `block_sums` | `2 D` for each view, `4 D` from a block size of 17; more with batches, see below |
 /// | `masks` | `2 D` for each view, `4 D` from a block size of 17 |
-/// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block size of 17; two vectors more if a batch has several |
+/// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block size of 17; more with batches, see below |
 /// | `center` | `(2 rho + 2) X` |
-/// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each view one baseline to the left or right; `(2 rho + 2) X D` for one several baselines away |
+/// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each view one baseline to the left or right; `(2 rho + 2) X D` farther away |
 /// | `vertical` | `X (D + 2 rho + 16)` for each view above or below the centre; more for a view elsewhere, see below |
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
-/// Around a [prior](BlockMatchingParams::around), every view takes `(2 rho + 2) X D` bytes and `1 + |j| r` lines of the
-/// frame, where `r` is the difference of the smallest and the largest disparity that may be searched; and the prior takes `2 (rho + 2)`
-/// times the frame's width.
+/// If a batch has several pixels, the fused costs take two vectors more, and the block sums, for the mean and the heuristic rule,
+/// as much again for each pixel of a batch.
+///
+/// Around a [prior](BlockMatchingParams::around), every view takes `(2 rho + 2) X D` bytes and `1 + |j| r` lines of the frame,
+/// where `r` is the difference of the smallest and the largest disparity that may be searched; and the prior takes
+/// `2 (rho + 2)` times the frame's width.
 ///
 /// A view `i` columns and `j` rows of the array away from the centre has the samples of `|j|` lines in turn. With
 /// `L = D + ceil((2 rho + 1) / |j|) + 15`, in which `D` is not rounded up, they take `|j| (X + |i| (D + L - 2)) L`

@@ -30,7 +30,7 @@
 //! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |
 //! | [`alignment`] | how far the views are from where they should be, estimated and taken out |
 //! | `match_setup` | [`MatchSetup`]: what is done to frames before they are matched, and the warnings after it |
-//! | [`evaluation`] | data sets with ground truth, error metrics, those of walls and repeated captures, and the tables made of them |
+//! | [`evaluation`] | data sets with ground truth, error metrics, those of walls and repeated captures, and their tables |
 //! | [`target`] | microcontrollers: memory and time budgets, the firmware's pipeline simulated, its packets received |
 
 pub mod alignment;

@@ -11,9 +11,10 @@ use crate::{
 /// Invalidates disparities around which the centre image has too little texture, line by line, as a matcher yields them.
 ///
 /// The texture is the sum over the block of [`BlockMatchingParams`] of the slopes of grey, each the magnitude of a 3 x 3 Sobel
-/// derivative and at most 31: along rows for views to the left and right, along columns for those above and below, and for others the greater of
-/// the two. Beyond the borders the pixels there are repeated. With views to the left or right alone this is the texture of
-/// OpenCV's StereoBM, except at the borders. It is one line behind the matcher, whose lines of the centre it sees on their way.
+/// derivative and at most 31: along rows for views to the left and right, along columns for those above and below, and for
+/// others the greater of the two. Beyond the borders the pixels there are repeated. With views to the left or right alone this
+/// is the texture of OpenCV's StereoBM, except at the borders. It is one line behind the matcher, whose lines of the centre it
+/// sees on their way.
 ///
 /// ```
 /// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, TextureLines, Views};

@@ -7,7 +7,7 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `isa` | instruction sets, and their lanes and vectors of column sums, block sums and costs: [`Isa`], [`Lane`], [`Column`], [`Block`] |
+//! | `isa` | instruction sets, their lanes, and vectors of column sums and costs: [`Isa`], [`Lane`], [`Column`], [`Block`] |
 //! | `rule` | the fusion rules in lanes: [`Rule`] |
 //! | `steps` | the samples of a line, and steps along it from column to column: [`Steps`] |
 //! | `blocks` | the inner loops, and masks that hide block sums where a view is not available: [`Blocks`] |

@@ -10,8 +10,8 @@ use core::ops::Range;
 use super::MAX_ACTIVATION;
 use crate::{Disparity, SearchConfig, SearchSpace};
 
-/// The disparity of a block of pixels that the volume part finds, from the least of the search on in steps, and how sure it is, from
-/// 0 to 127.
+/// The disparity of a block of pixels that the volume part finds, from the least of the search on in steps, and how sure it is,
+/// from 0 to 127.
 pub type BlockDisparity = [u16; 2];
 
 /// The side of the blocks of pixels over which costs are pooled.

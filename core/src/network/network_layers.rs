@@ -46,9 +46,9 @@ const MAGIC: &[u8; 8] = b"MSCNET01";
 
 /// The part of a file that is still to be read. All numbers are little-endian.
 ///
-/// After the characters `MSCNET01` come the layers in the order of the network, then its tables, and nothing else. Of a layer, the
-/// weights come first: for each output those from all inputs. Then come the biases of all outputs, their multipliers
-/// and their shifts.
+/// After the characters `MSCNET01` come the layers in the order of the network, then its tables, and nothing else. Of a layer,
+/// the weights come first: for each output those from all inputs. Then come the biases of all outputs, their multipliers and
+/// their shifts.
 #[derive(Clone, Copy, Debug)]
 pub struct WeightFile<'a> {
     rest: &'a [u8],
@@ -225,8 +225,8 @@ pub struct NetworkLayers<L> {
     pub confidences: [u8; 256],
 }
 
-/// The layers of the volume part, from the largest volume to the smallest and back. Pairs are residual: their outputs are added to
-/// their input.
+/// The layers of the volume part, from the largest volume to the smallest and back. Pairs are residual: their outputs are added
+/// to their input.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VolumeLayers<L> {
     /// From two candidates beside each other.

@@ -166,8 +166,8 @@ fn choices(rows: [&[u16]; 5], x: usize) -> [u16; NEIGHBORS] {
 /// the same turned by half a turn.
 ///
 /// Findings of one position alone are not sure, and errors that differ cancel. Disparities that are at most a pixel apart are
-/// averaged, with the squares of their confidences plus one as weights, and their confidences too. Otherwise the surer is taken. With probabilities `p` and `q` that each is right, and not both, its own is
-/// `p (1 - q) / (1 - p q)`.
+/// averaged, with the squares of their confidences plus one as weights, and their confidences too. Otherwise the surer is
+/// taken. With probabilities `p` and `q` that each is right, and not both, its own is `p (1 - q) / (1 - p q)`.
 #[inline]
 pub fn fuse_rotations(disparities: [u16; 2], confidences: [u8; 2]) -> (u16, u8) {
     let ([a, b], [p, q]) = (disparities.map(u64::from), confidences.map(u64::from));

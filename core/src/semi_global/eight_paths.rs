@@ -23,8 +23,8 @@
 //! those from below is added later, in 16 bits. A slot holds the path costs of one pixel. Three rings of slots turn by a
 //! pixel from line to line ([`Slots`]), so that a diagonal path finds its predecessor without a copy.
 //!
-//! Invariants: `paths_from_below` is at the line that was extended last; `kept_costs` has the costs of bands below the present one only;
-//! `excess` belongs to the band of `next`.
+//! Invariants: `paths_from_below` is at the line that was extended last; `kept_costs` has the costs of bands below the present
+//! one only; `excess` belongs to the band of `next`.
 
 use core::ops::Range;
 

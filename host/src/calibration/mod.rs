@@ -7,9 +7,9 @@
 //! | file | what it holds |
 //! | --- | --- |
 //! | `printed_board` | [`PrintedBoard`]: chessboards and ChArUco boards, and their files to print, as PDF and PNG |
-//! | `board_detection` | the corners of a board in an image, found by the crates `calib-targets` and refined to a fraction of a pixel |
+//! | `board_detection` | the corners of a board in an image, found by the crates `calib-targets` and refined below a pixel |
 //! | `camera_fit` | the camera and the poses of the board that explain the corners best |
-//! | `lens_calibration` | [`LensCalibration`]: all of these, [`Coverage`]: the parts of the image that have corners, and what to photograph next |
+//! | `lens_calibration` | [`LensCalibration`]: all of these; [`Coverage`]: where corners are, and what to photograph next |
 
 mod board_detection;
 mod camera_fit;

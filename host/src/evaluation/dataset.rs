@@ -14,9 +14,11 @@ use crate::{
 /// | name | centre / left / right / top / bottom | ground truth |
 /// | --- | --- | --- |
 /// | `middlebury2006-third` | `view1` / `view0` / `view2` / - / - | `disp1.png`, grey / 12, 0 = unknown |
-/// | `middlebury2005-full` | as above, and `view3` to `view6` 2 to 5 baselines to the right | `disp1.png`, grey / 4, 0 = unknown |
-/// | `tsukuba` | `scene1.rowR.colC`, R.C = 3.3 / 3.2 / 3.4 / 2.3 / 4.3, and the rest of the array from 1.1 to 5.5 | `truedisp.row3.col3.pgm`, grey / 16, 0 = unknown |
-/// | `hci4d` | `input_CamN`, N = 040 / 036 / 044 / 004 / 076, and the rest of the array, 9 cameras a row | `gt_disp_lowres.pfm`, times 4, which are camera steps |
+/// | `middlebury2005-full` | as above, and `view3` to `view6`, 2 to 5 baselines right | `disp1.png`, grey / 4, 0 = unknown |
+/// | `tsukuba` | `scene1.rowR.colC`, R.C = 3.3 / 3.2 / 3.4 / 2.3 / 4.3 | `truedisp.row3.col3.pgm`, grey / 16, 0 = unknown |
+/// | `hci4d` | `input_CamN`, N = 040 / 036 / 044 / 004 / 076 | `gt_disp_lowres.pfm`, times 4, which are camera steps |
+///
+/// The rest of the array has the same names: R.C from 1.1 to 5.5 in `tsukuba`, and 9 cameras a row in `hci4d`.
 ///
 /// The cameras of `hci4d` are four steps from the centre by default, and one or two with other [`CameraSteps`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,5 +1,5 @@
-//! Reading and writing disparity maps and depths: 16-bit PNG, and PFM, images of floating-point numbers as the Middlebury benchmark
-//! uses for disparities.
+//! Reading and writing disparity maps and depths: 16-bit PNG, and PFM, images of floating-point numbers as the Middlebury
+//! benchmark uses for disparities.
 
 use std::{path::Path, str::FromStr};
 

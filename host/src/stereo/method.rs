@@ -80,8 +80,8 @@ pub enum Pipeline {
         /// The energy and its minimization.
         cuts: GraphCuts,
     },
-    /// `mccnn-fast`, `mccnn-accurate`: the dissimilarity of patches by a network of MC-CNN, averaged over support regions before and
-    /// after it is summed along paths that end at edges.
+    /// `mccnn-fast`, `mccnn-accurate`: the dissimilarity of patches by a network of MC-CNN, averaged over support regions
+    /// before and after it is summed along paths that end at edges.
     McCnn {
         /// The network, with its weights.
         network: Box<Network>,
@@ -90,8 +90,8 @@ pub enum Pipeline {
         /// The penalties along the paths.
         penalties: Penalties,
     },
-    /// `net`: a small network that decides between two passes of semi-global matching, by the census at one scale and at two, in the
-    /// window of 9 x 7 pixels.
+    /// `net`: a small network that decides between two passes of semi-global matching, by the census at one scale and at two,
+    /// in the window of 9 x 7 pixels.
     Network(&'static DisparityNetwork),
 }
 
@@ -160,8 +160,8 @@ impl Method {
         sees_color || self.refinement.needs_color()
     }
 
-    /// True if the evidence for its disparities is the support that the network gives them. Graph cuts give no costs, and where those
-    /// of MC-CNN mislead, their least is as clear as elsewhere.
+    /// True if the evidence for its disparities is the support that the network gives them. Graph cuts give no costs, and where
+    /// those of MC-CNN mislead, their least is as clear as elsewhere.
     pub(super) fn is_judged_by_network(&self) -> bool {
         matches!(self.pipeline, Pipeline::GraphCuts { .. } | Pipeline::McCnn { .. })
     }
@@ -363,7 +363,8 @@ impl Method {
         Ok(())
     }
 
-    /// Selects the least sums of absolute differences: by the core, unless there are more views than it takes or costs are needed.
+    /// Selects the least sums of absolute differences: by the core, unless there are more views than it takes or costs are
+    /// needed.
     fn least_blocks(
         &self,
         block_size: u8,

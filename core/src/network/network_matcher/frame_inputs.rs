@@ -31,8 +31,8 @@ pub type Excesses = [u8; 4];
 
 /// The inputs of the network from frames, for one look at a time.
 ///
-/// The results of semi-global matching are kept. Costs are computed again from the frames whenever they are needed: they would take
-/// more memory than there is.
+/// The results of semi-global matching are kept. Costs are computed again from the frames whenever they are needed: they would
+/// take more memory than there is.
 #[derive(Debug)]
 pub struct FrameInputs<'m, 'f, I> {
     search: SearchSpace,

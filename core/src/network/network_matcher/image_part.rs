@@ -59,8 +59,8 @@ impl ImagePart {
         if level == 0 { fine } else { coarse }
     }
 
-    /// The bytes of the buffers of the first step: colours, winners of three rows by both passes, measures, and the channels of two
-    /// rows.
+    /// The bytes of the buffers of the first step: colours, winners of three rows by both passes, measures, and the channels of
+    /// two rows.
     const fn first_bytes(&self) -> [usize; 4] {
         let [width, _] = self.pixels();
         [3 * width, 2 * 2 * 3 * width, MEASURES * width, 2 * PIXEL_CHANNELS * width]
@@ -96,8 +96,8 @@ impl ImagePart {
     }
 
     /// Finds the disparity and the confidence of each pixel of the padded image, by those of the blocks, in as many
-    /// [`bytes`](ImagePart::bytes) of memory, with any content. `put` takes them row by row: the row, the column, the disparity in
-    /// steps from the least of the search on, and the confidence.
+    /// [`bytes`](ImagePart::bytes) of memory, with any content. `put` takes them row by row: the row, the column, the disparity
+    /// in steps from the least of the search on, and the confidence.
     pub fn run<I: Kernel>(
         &self,
         NetworkOn { isa, layers }: NetworkOn<I>,

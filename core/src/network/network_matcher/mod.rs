@@ -252,8 +252,8 @@ impl<'m, 'w, I: Isa> NetworkMatcher<'m, 'w, I> {
         Ok(())
     }
 
-    /// Line `v` of the result of [`run`](NetworkMatcher::run): disparities, and the probabilities that they are at most a pixel off,
-    /// times 255.
+    /// Line `v` of the result of [`run`](NetworkMatcher::run): disparities, and the probabilities that they are at most a pixel
+    /// off, times 255.
     pub fn line(&self, v: usize) -> impl Iterator<Item = (Option<Disparity>, u8)> {
         let search = self.params.search;
         let (width, pixels) = (search.width(), search.width() * search.height());

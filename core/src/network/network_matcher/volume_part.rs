@@ -86,7 +86,8 @@ impl VolumePart {
         lent_bytes::<I>(CellRows::bytes(self.size(0), fine)) + larger(first, levels + scratch)
     }
 
-    /// Finds the disparity of each block, and how sure it is, in as many [`bytes`](VolumePart::bytes) of memory, with any content.
+    /// Finds the disparity of each block, and how sure it is, in as many [`bytes`](VolumePart::bytes) of memory, with any
+    /// content.
     pub fn run<I: Kernel>(
         &self,
         NetworkOn { isa, layers }: NetworkOn<I>,
@@ -195,8 +196,8 @@ impl VolumePart {
         Ok(())
     }
 
-    /// Selects a disparity for each block: its candidate of the greatest score, which is the output of the last layer less the mean
-    /// excess in B.
+    /// Selects a disparity for each block: its candidate of the greatest score, which is the output of the last layer less the
+    /// mean excess in B.
     fn select<I: Kernel>(
         &self,
         NetworkOn { isa, layers }: NetworkOn<I>,

@@ -39,7 +39,8 @@ pub struct SimulatedStage {
 pub struct StageImperfections {
     /// The lengths of moves to the right and down as multiples of those commanded.
     pub scale: [f64; 2],
-    /// The angle by which the downward axis leans to the left, in degrees: positive turns it further away from the axis to the right.
+    /// The angle by which the downward axis leans to the left, in degrees: positive turns it further away from the axis to the
+    /// right.
     pub skew_deg: f64,
     /// Play between drive and camera along each axis, in millimetres.
     pub backlash_mm: f64,

@@ -4,7 +4,7 @@
 use anyhow::{Context, Result, ensure};
 use std::{collections::BTreeMap, fs};
 
-use crate::system::folders;
+use crate::system;
 
 /// The largest deviation from a record in percent, which leaves room for another version of the compiler.
 const TOLERANCE: f64 = 5.0;
@@ -33,7 +33,7 @@ impl CountRecord {
     /// Compares `counts` with the record, or writes them to it on `update`. Failures suggest `command` for that.
     pub fn hold(&self, counts: &Counts, update: bool, command: &str) -> Result<()> {
         let CountRecord { unit, path: name } = self;
-        let path = folders::root().join(name);
+        let path = system::root().join(name);
         let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
         let mut record: Counts = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
         if update {

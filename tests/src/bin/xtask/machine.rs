@@ -17,10 +17,7 @@ use std::{
 };
 
 use crate::{
-    system::{
-        folders,
-        process::{command, exit_code_within, read},
-    },
+    system::{self, command, exit_code_within, read},
     tools::{self, Tool, debian},
 };
 
@@ -45,7 +42,7 @@ impl Machine {
     pub fn new() -> Result<Machine> {
         let kernel = Linux::install()?;
         let mut files = Archive::default();
-        files.copy(&folders::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
+        files.copy(&system::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
         Ok(Machine { kernel, files })
     }
 
@@ -68,7 +65,7 @@ impl Machine {
     /// Runs a shell script and prints its output. Fails unless its exit code is 0.
     pub fn run(mut self, script: &str) -> Result<()> {
         self.files.file(Path::new("tests.sh"), script.as_bytes());
-        let folder = folders::target().join("v4l2");
+        let folder = system::target().join("v4l2");
         let (archive, log) = (folder.join("machine.cpio"), folder.join("output.txt"));
         fs::create_dir_all(&folder)?;
         // Linux unpacks concatenated archives one after the other.
@@ -129,7 +126,7 @@ pub struct Linux {
 impl Linux {
     /// The kernel, unpacked from Debian's current one on first use.
     pub fn install() -> Result<Linux> {
-        let folder = folders::target().join("tools/linux");
+        let folder = system::target().join("tools/linux");
         let marker = folder.join("version");
         if !marker.is_file() {
             if debian::can_install() {

@@ -2,7 +2,7 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `system` | other programs, threads, and paths |
+//! | `system` | paths, other programs, and threads |
 //! | `tools` | the programs that checks run, and their installation |
 //! | `counts` | the recorded counts of instructions and cycles |
 //! | `timing` | the cycles that instructions take |
@@ -27,8 +27,8 @@ mod workspace_checks;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-use emulation::setup;
-use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
+use emulation::build;
+use firmware_checks::{bit_flips, cycles, examples, profiles};
 use publishing::{crates, public_api, release, supply_chain};
 use suite::Extent;
 use workspace_checks::{
@@ -122,13 +122,13 @@ fn main() -> ExitCode {
 fn run(task: Task) -> anyhow::Result<()> {
     match task {
         Task::Architecture => suite::architecture(),
-        Task::Setup => setup::run().map(drop),
+        Task::Setup => build::set_up().map(drop),
         Task::Test(extent) => extent.test(),
         Task::Firmware(extent) => extent.firmware(),
         Task::Check => suite::check(),
         Task::Lint => suite::lint(),
         Task::V4l2 => emulated_cameras::run_tests(),
-        Task::Kernels => kernel_twins::run(&setup::run()?),
+        Task::Kernels => examples::kernels(&build::set_up()?),
         Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
@@ -144,17 +144,17 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Sanitize(sanitizing) => sanitizing.run_tests(),
         Task::Miri => interpreting::run_tests(),
         Task::Mutants(mutating) => mutating.run(),
-        Task::NoPanic => faults::no_panic(&setup::run()?),
+        Task::NoPanic => examples::no_panic(&build::set_up()?),
         Task::Pico2 => {
-            let toolchain = setup::run()?;
-            pico2::lint(&toolchain)?;
-            pico2::build(&toolchain)
+            let toolchain = build::set_up()?;
+            build::lint_pico2(&toolchain)?;
+            build::build_pico2(&toolchain)
         }
-        Task::Capture => capturing::run(&setup::run()?),
-        Task::Faults => faults::run(&setup::run()?),
-        Task::Flips(flips) => flips.run(&setup::run()?),
-        Task::Cycles(accounting) => accounting.run(&setup::run()?),
-        Task::Edge(selection) => profiles::run(&setup::run()?, &selection),
+        Task::Capture => examples::captures(&build::set_up()?),
+        Task::Faults => examples::faults(&build::set_up()?),
+        Task::Flips(flips) => flips.run(&build::set_up()?),
+        Task::Cycles(accounting) => accounting.run(&build::set_up()?),
+        Task::Edge(selection) => profiles::run(&build::set_up()?, &selection),
     }
 }
 
@@ -165,12 +165,10 @@ mod tests {
     use clap::CommandFactory;
     use std::{fs, path::PathBuf};
 
-    use system::folders;
-
     /// The guides, and the sources of the runner's own help.
     fn guides() -> Vec<PathBuf> {
         let markdown = |folder: &str| {
-            let entries = fs::read_dir(folders::root().join(folder)).expect("a folder with guides");
+            let entries = fs::read_dir(system::root().join(folder)).expect("a folder with guides");
             entries.map(|entry| entry.expect("an entry").path()).filter(|path| path.extension().is_some_and(|name| name == "md"))
         };
         ["", "docs", "edge/pico2", "tests/benches"]

@@ -12,20 +12,16 @@ use clap::Args;
 use std::{iter, path::Path};
 
 use crate::{
-    emulation::setup,
+    emulation::build,
     firmware_checks::{
         bit_flips::BitFlips,
-        capturing,
         cycles::Accounting,
-        faults, kernel_twins, pico2,
+        examples,
         profiles::{self, Selection},
     },
     publishing::{crates, public_api::PublicApi, release, supply_chain::SupplyChain},
-    system::{
-        background_task::BackgroundTask,
-        process::{OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, read, run},
-    },
-    tools::toolchain::Toolchain,
+    system::{BackgroundTask, OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, read, run},
+    tools::Toolchain,
     workspace_checks::{
         cluster::Clusters, crashes::Crashing, emulated_arm64, emulated_cameras, fuzzing::Fuzzing, host_instructions::Guard,
         interpreting, mutating::Mutating, pages, python_package, sanitizing::Sanitizing, soaking::Soaking,
@@ -109,15 +105,15 @@ const TESTS: [Step; 27] = [
 /// The tests of the firmware, and of the libraries as firmware depends on them.
 const FIRMWARE: [Step; 12] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
-    Step { name: "lints for the Pico 2", scope: All, run: || pico2::lint(&arm()?) },
-    Step { name: "the firmware for the Pico 2", scope: All, run: || pico2::build(&arm()?) },
-    Step { name: "the kernels on each processor", scope: All, run: || kernel_twins::run(&arm()?) },
+    Step { name: "lints for the Pico 2", scope: All, run: || build::lint_pico2(&arm()?) },
+    Step { name: "the firmware for the Pico 2", scope: All, run: || build::build_pico2(&arm()?) },
+    Step { name: "the kernels on each processor", scope: All, run: || examples::kernels(&arm()?) },
     Step { name: "firmware, a sample", scope: Sample, run: || profiles::run(&arm()?, &Selection::sample()) },
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
     Step { name: "the firmware's cycles", scope: Test, run: || Accounting::compare().run(&arm()?) },
-    Step { name: "the firmware that captures", scope: Test, run: || capturing::run(&arm()?) },
-    Step { name: "the firmware's faults", scope: Test, run: || faults::run(&arm()?) },
-    Step { name: "no panics", scope: Test, run: || faults::no_panic(&arm()?) },
+    Step { name: "the firmware that captures", scope: Test, run: || examples::captures(&arm()?) },
+    Step { name: "the firmware's faults", scope: Test, run: || examples::faults(&arm()?) },
+    Step { name: "no panics", scope: Test, run: || examples::no_panic(&arm()?) },
     Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },
     Step { name: "many flipped bits", scope: All, run: || BitFlips::many().run(&arm()?) },
 ];
@@ -146,7 +142,7 @@ impl Extent {
         let needs = if self.all { ALL_NEEDS } else { TEST_NEEDS };
         needs.check()?;
         let mut report = Report::default();
-        report.step("setup", || setup::run().map(drop));
+        report.step("setup", || build::set_up().map(drop));
         let arguments = iter::once("firmware").chain(self.all.then_some("--all"));
         let firmware = BackgroundTask::start(&arguments.collect::<Vec<_>>())?;
         report.run(self.steps(&TESTS));
@@ -157,7 +153,7 @@ impl Extent {
     /// Every test of the firmware of this extent.
     pub fn firmware(self) -> Result<()> {
         let mut report = Report::default();
-        report.step("setup", || setup::run().map(drop));
+        report.step("setup", || build::set_up().map(drop));
         report.run(self.steps(&FIRMWARE));
         report.finish()
     }
@@ -179,7 +175,7 @@ pub fn check() -> Result<()> {
 pub fn lint() -> Result<()> {
     LINT_NEEDS.check()?;
     let mut report = Report::default();
-    report.step("setup", || setup::run().map(drop));
+    report.step("setup", || build::set_up().map(drop));
     report.run(&LINT);
     report.finish()
 }
@@ -224,7 +220,7 @@ fn run_optimized_tests(selection: &[&str]) -> Result<()> {
 
 /// The toolchain for the boards with Arm processors.
 fn arm() -> Result<Toolchain> {
-    setup::toolchain()
+    build::toolchain()
 }
 
 fn cargo(args: &[&str]) -> std::process::Command {
@@ -238,7 +234,7 @@ mod tests {
     use anyhow::anyhow;
     use std::fs;
 
-    use crate::system::folders;
+    use crate::system;
 
     /// The rows of a table of the guide, by the heading above it: the name of a step and the suites that it is part of.
     fn rows(guide: &str, heading: &str) -> Vec<[String; 2]> {
@@ -254,7 +250,7 @@ mod tests {
 
     #[test]
     fn the_guide_lists_every_step() {
-        let guide = fs::read_to_string(folders::root().join("docs/testing.md")).expect("the guide");
+        let guide = fs::read_to_string(system::root().join("docs/testing.md")).expect("the guide");
         for (heading, steps) in
             [("## Lint\n", &LINT[..]), ("## Tests on this machine\n", &TESTS), ("## Tests of the firmware\n", &FIRMWARE)]
         {

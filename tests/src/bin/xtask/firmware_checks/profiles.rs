@@ -26,11 +26,8 @@ use crate::{
         frames::{self, ImageSet},
         price_fit, rectifying,
     },
-    system::{
-        folders, in_parallel,
-        process::{command, read},
-    },
-    tools::toolchain::Toolchain,
+    system::{self, command, in_parallel, read},
+    tools::Toolchain,
 };
 
 /// The largest error of the cost model, in percent.
@@ -201,7 +198,7 @@ fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     })?;
     if selection.fit {
         note_ram(&mut table, &runs, &measurements);
-        fs::write(folders::root().join("host/src/target/measured.toml"), table.to_toml())?;
+        fs::write(system::root().join("host/src/target/measured.toml"), table.to_toml())?;
     }
     for (run, measurement) in runs.iter().zip(&mut measurements) {
         measurement.predict(run, &table);
@@ -293,7 +290,7 @@ impl Run {
     /// Runs the image and measures it. Fails unless its packets equal the host's.
     fn measure(&self, counter: &Counter) -> Result<Measurement> {
         let matching = self.profile.matching(self.fusion);
-        let folder = folders::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
+        let folder = system::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
         let images = ImageSet::tsukuba(&matching).unwrap_or_else(|| ImageSet::demo(&matching));
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;

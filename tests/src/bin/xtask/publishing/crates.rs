@@ -7,10 +7,7 @@ use std::fs;
 
 use anyhow::{Context, Result};
 
-use crate::system::{
-    folders,
-    process::{command, read, run},
-};
+use crate::system::{self, command, read, run};
 
 /// The crates in the order of their dependencies.
 pub const PUBLISHED: [&str; 7] =
@@ -35,13 +32,13 @@ pub fn pack() -> Result<()> {
 /// Packages and compiles every published crate.
 pub fn check() -> Result<()> {
     pack()?;
-    let unpacked = folders::target().join("unpacked");
+    let unpacked = system::target().join("unpacked");
     let _ = fs::remove_dir_all(&unpacked);
     fs::create_dir_all(&unpacked)?;
-    let mut patches = format!("[patch.crates-io]\n{BINDINGS}.path = {:?}\n", folders::root().join("host/v4l2-sys"));
+    let mut patches = format!("[patch.crates-io]\n{BINDINGS}.path = {:?}\n", system::root().join("host/v4l2-sys"));
     for name in PUBLISHED {
         let package = format!("{name}-{}", env!("CARGO_PKG_VERSION"));
-        let archive = folders::target().join(format!("package/{package}.crate"));
+        let archive = system::target().join(format!("package/{package}.crate"));
         // `-m`: the files in a package are dated 2006, older than what cargo has built.
         read(command("tar", ["-x", "-z", "-m", "-f"]).arg(archive).arg("-C").arg(&unpacked))?;
         patches += &format!("{name}.path = {package:?}\n");
@@ -51,10 +48,10 @@ pub fn check() -> Result<()> {
     let workspace = "[workspace]\nresolver = \"3\"\nmembers = [\"multiscopic*\"]\n[profile.dev]\ndebug = \"line-tables-only\"\n";
     fs::write(&manifest, format!("{workspace}{patches}")).with_context(|| format!("cannot write {}", manifest.display()))?;
     // The versions that the workspace was tested with.
-    fs::copy(folders::root().join("Cargo.lock"), unpacked.join("Cargo.lock"))?;
+    fs::copy(system::root().join("Cargo.lock"), unpacked.join("Cargo.lock"))?;
     for name in PUBLISHED {
         let mut cargo = command("cargo", ["check", "--quiet", "--package", name, "--manifest-path"]);
-        run(cargo.arg(&manifest).arg("--target-dir").arg(folders::target()))?;
+        run(cargo.arg(&manifest).arg("--target-dir").arg(system::target()))?;
     }
     Ok(())
 }

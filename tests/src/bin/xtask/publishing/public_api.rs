@@ -5,7 +5,7 @@ use clap::Args;
 
 use super::crates;
 use crate::{
-    system::process::{command, read, run},
+    system::{command, read, run},
     tools,
 };
 

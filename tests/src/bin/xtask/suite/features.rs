@@ -6,7 +6,7 @@
 use anyhow::{Result, ensure};
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::system::process::{OPTIMIZED, OPTIMIZED_PROGRAM, PYTHON_PACKAGE, command, read};
+use crate::system::{OPTIMIZED, OPTIMIZED_PROGRAM, PYTHON_PACKAGE, command, read};
 
 /// Packages that take a moment to build.
 const CHEAP: [&str; 1] = ["multiscopic-drivers"];

@@ -3,10 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use std::fs;
 
-use crate::system::{
-    folders,
-    process::{command, read},
-};
+use crate::system::{self, command, read};
 
 /// The disk space and time that a suite takes in a fresh clone on two processors.
 pub struct Needs {
@@ -23,7 +20,7 @@ impl Needs {
         let Needs { command, disk_gib, minutes } = self;
         println!(
             "{command} takes about {minutes} minutes on two processors, and {disk_gib} GiB in {}",
-            folders::target().display()
+            system::target().display()
         );
         // Where the system has no such commands, the suite just starts.
         let (Ok(free), Ok(used)) = (free_gib(), used_gib()) else { return Ok(()) };
@@ -39,7 +36,7 @@ impl Needs {
              or set CARGO_TARGET_DIR to a folder on a larger disk",
             self.command,
             self.disk_gib,
-            folders::target().display(),
+            system::target().display(),
         );
         Ok(())
     }
@@ -47,15 +44,15 @@ impl Needs {
 
 /// GiB that are free on the disk of build results.
 fn free_gib() -> Result<f64> {
-    fs::create_dir_all(folders::target())?;
-    let report = read(command("df", ["-Pk"]).arg(folders::target()))?;
+    fs::create_dir_all(system::target())?;
+    let report = read(command("df", ["-Pk"]).arg(system::target()))?;
     let line = report.lines().nth(1).context("df lists no disk")?;
     kib_in_gib(line.split_whitespace().nth(3))
 }
 
 /// GiB that build results take already.
 fn used_gib() -> Result<f64> {
-    let report = read(command("du", ["-sk"]).arg(folders::target()))?;
+    let report = read(command("du", ["-sk"]).arg(system::target()))?;
     kib_in_gib(report.split_whitespace().next())
 }
 

@@ -8,12 +8,9 @@ use crate::{
         build,
         emulated_board::{self, EmulatedBoard},
     },
-    firmware_checks::{distorted_set::DistortedSet, pico2},
-    system::{
-        folders,
-        process::{command, read, run},
-    },
-    tools::toolchain::Toolchain,
+    firmware_checks::rectifying::DistortedSet,
+    system::{self, command, read, run},
+    tools::Toolchain,
 };
 
 /// The letters that are too many for the subject of a commit.
@@ -21,7 +18,7 @@ const MOST_LETTERS: usize = 72;
 
 /// Prints every violation of the architecture. Fails if there is one.
 pub fn architecture() -> Result<()> {
-    let violations = multiscopic_tests::architecture::check(folders::root()).map_err(|error| anyhow!("{error}"))?;
+    let violations = multiscopic_tests::architecture::check(system::root()).map_err(|error| anyhow!("{error}"))?;
     violations.iter().for_each(|violation| eprintln!("{violation}"));
     ensure!(violations.is_empty(), "{} violations of the architecture", violations.len());
     println!("architecture: no violations");
@@ -45,7 +42,7 @@ pub fn documentation() -> Result<()> {
 /// Checks the formatting of all workspaces.
 pub fn formatting() -> Result<()> {
     run(&mut cargo(&["fmt", "--all", "--check"]))?;
-    run(&mut cargo(&["fmt", "--check", "--manifest-path", pico2::MANIFEST]))
+    run(&mut cargo(&["fmt", "--check", "--manifest-path", build::PICO2_MANIFEST]))
 }
 
 /// Lints every crate for this machine.
@@ -79,14 +76,14 @@ pub fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
 
 /// Lints the libraries and the firmware for every Arm target.
 pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
-    DistortedSet::render()?.write(&folders::flash_set())?;
+    DistortedSet::render()?.write(&system::flash_set())?;
     // Examples of libraries run on this machine.
     let libraries = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers"].map(|package| format!("--package={package}"));
     let firmware = ["--package=multiscopic-firmware", "--features=multiscopic-firmware/flash-set", "--bins", "--examples"];
     emulated_board::targets().iter().try_for_each(|target| {
         let clippy = |arguments: &[&str]| {
             let mut clippy = toolchain.cargo("clippy");
-            clippy.env(build::FLASH_SET, folders::flash_set());
+            clippy.env(build::FLASH_SET, system::flash_set());
             run(clippy.args(["--target", target, "--lib"]).args(arguments).args(["--", "-Dwarnings"]))
         };
         clippy(&libraries.each_ref().map(String::as_str))?;

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, ensure};
 use multiscopic::Processor;
 use std::{collections::BTreeMap, path::Path};
 
-use crate::{system::process::read, tools};
+use crate::{system::read, tools};
 
 /// The instructions and functions of an image by address.
 #[derive(Debug, Default)]

@@ -13,7 +13,7 @@ use serde_json::Value;
 use std::{collections::BTreeMap, fmt::Write, fs};
 
 use self::disassembly::Instruction;
-use crate::{system::folders, tools};
+use crate::{system, tools};
 
 /// The cycles that the second sequence of each of `pairs` adds to the first, so that what overlaps between the two is
 /// counted once. Taken branches and split accesses are not in them, nor are wait states, caches and wrong predictions.
@@ -127,7 +127,7 @@ impl SchedulingModel {
 
     /// Cycles by region of `assembly`.
     fn modelled(&self, assembly: &str) -> Result<BTreeMap<usize, u64>> {
-        let file = folders::edge_target().join(self.cpu).with_extension("s");
+        let file = system::edge_target().join(self.cpu).with_extension("s");
         fs::write(&file, assembly).with_context(|| format!("cannot write {}", file.display()))?;
         let mut mca = tools::LLVM_MCA.install()?.command(&["--json", "--iterations=1", "--all-views=false", "--summary-view"])?;
         mca.args(["--call-latency=0", "--skip-unsupported-instructions=lack-sched"]);

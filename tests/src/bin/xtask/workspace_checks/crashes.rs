@@ -28,7 +28,7 @@ impl Crashing {
     /// Kills all commands.
     #[cfg(unix)]
     pub fn run(&self) -> Result<()> {
-        use crate::system::process::{built_optimized_program, built_program};
+        use crate::system::{built_optimized_program, built_program};
         use multiscopic_reference::split_mix::Random;
         use multiscopic_tests::killed_commands::VICTIMS;
 

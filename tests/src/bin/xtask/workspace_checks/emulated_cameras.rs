@@ -6,10 +6,7 @@ use std::env::consts::ARCH;
 
 use crate::{
     machine::{LINUX_TOOLS, Linux, Machine},
-    system::{
-        folders,
-        process::{OPTIMIZED, built_optimized_program, built_test, command, run},
-    },
+    system::{self, OPTIMIZED, built_optimized_program, built_test, command, run},
     tools::{self, debian},
 };
 
@@ -25,7 +22,7 @@ pub fn run_tests() -> Result<()> {
     let mut machine = Machine::new()?;
     let program = built_optimized_program()?;
     machine.add_program(&program)?;
-    machine.add_folder(&folders::root().join("tests/golden"))?;
+    machine.add_folder(&system::root().join("tests/golden"))?;
     let mut variables = format!("MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{}'", program.display());
     if let Some(root) = real_data::root() {
         machine.add_folder(&root.join(Dataset::Tsukuba.name()))?;

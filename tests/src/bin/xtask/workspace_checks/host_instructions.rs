@@ -8,10 +8,7 @@ use std::{env, fs, path::Path};
 
 use crate::{
     counts::{self, Counts},
-    system::{
-        folders,
-        process::{built_optimized_program, read},
-    },
+    system::{self, built_optimized_program, read},
     tools::{self, InstalledProgram},
 };
 
@@ -71,7 +68,7 @@ fn per_evaluation(valgrind: &InstalledProgram, binary: &Path, kernel: &str, view
 }
 
 fn count(valgrind: &InstalledProgram, binary: &Path, kernel: &str, views: u64, fusion: &str, repeat: u32) -> Result<u64> {
-    let folder = folders::target().join("instructions");
+    let folder = system::target().join("instructions");
     fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let profile = folder.join("callgrind.out");
     let mut counting = valgrind.command(&["--quiet", "--tool=callgrind"])?;

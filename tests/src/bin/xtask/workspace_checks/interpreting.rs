@@ -4,11 +4,8 @@
 use anyhow::{Result, bail};
 
 use crate::{
-    system::{
-        folders,
-        process::{command, read, run},
-    },
-    tools::toolchain,
+    system::{self, command, read, run},
+    tools,
 };
 
 /// The toolchain that has Miri, and how to get it.
@@ -40,12 +37,12 @@ pub fn run_tests() -> Result<()> {
     if read(command("rustup", miri).arg("--version")).is_err() {
         bail!("Miri is not installed; run\n  {INSTALLING}");
     }
-    let is_x86 = toolchain::host()?.starts_with("x86_64");
+    let is_x86 = tools::host_target()?.starts_with("x86_64");
     for (processor, features) in PROCESSORS.into_iter().filter(|(_, features)| features.is_empty() || is_x86) {
         println!("miri: a processor with {processor}");
         for tests in TESTS {
             let mut cargo = command("rustup", miri);
-            cargo.args(["test", "--locked", "--no-default-features", "--target-dir"]).arg(folders::target().join("miri"));
+            cargo.args(["test", "--locked", "--no-default-features", "--target-dir"]).arg(system::target().join("miri"));
             // Rayon's queues break the rules of Stacked Borrows, and its threads run until the program ends.
             let flags = "-Zmiri-disable-isolation -Zmiri-tree-borrows -Zmiri-permissive-provenance -Zmiri-ignore-leaks";
             cargo.env("MIRIFLAGS", flags).env("RUSTFLAGS", features).env("MULTISCOPIC_EFFORT", "0.003");

@@ -7,11 +7,8 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    system::{
-        folders,
-        process::{command, run},
-    },
-    tools::{self, toolchain},
+    system::{self, command, run},
+    tools,
 };
 
 /// The units of the libraries, and the comparisons of all methods and kernels with their references.
@@ -68,14 +65,14 @@ pub fn instrumented(verb: &str, instruments: &str, folder: &str) -> Result<(Comm
 fn under_valgrind() -> Result<Command> {
     let (valgrind, (mut cargo, _)) = (tools::VALGRIND.install()?, apart("test", "watched")?);
     cargo.env("MULTISCOPIC_EFFORT", "0.1");
-    let runner = format!("CARGO_TARGET_{}_RUNNER", toolchain::host()?.replace('-', "_").to_uppercase());
+    let runner = format!("CARGO_TARGET_{}_RUNNER", tools::host_target()?.replace('-', "_").to_uppercase());
     cargo.env(runner, format!("{valgrind} --quiet --error-exitcode=99 --main-stacksize=67108864"));
     Ok(cargo)
 }
 
 /// The cargo command `verb` with a target folder of this name, and where the folders of profiles are.
 pub fn apart(verb: &str, folder: &str) -> Result<(Command, PathBuf)> {
-    let (host, folder) = (toolchain::host()?, folders::target().join(folder));
+    let (host, folder) = (tools::host_target()?, system::target().join(folder));
     // With a target, build scripts and macros are neither instrumented nor watched.
     let mut cargo = command("cargo", [verb, "--locked", "--target", &host, "--target-dir"]);
     cargo.arg(&folder);

@@ -2,8 +2,6 @@
 //!
 //! `docs/testing.md` says what each step checks, and why it stands where it does.
 
-mod features;
-mod needs;
 mod static_checks;
 mod step;
 
@@ -12,6 +10,7 @@ use clap::Args;
 use std::{iter, path::Path};
 
 use crate::{
+    counts::Guard,
     emulation::build,
     firmware_checks::{
         bit_flips::BitFlips,
@@ -19,17 +18,22 @@ use crate::{
         examples,
         profiles::{self, Selection},
     },
-    publishing::{crates, public_api::PublicApi, release, supply_chain::SupplyChain},
+    machine,
+    publishing::{self, PublicApi, release, supply_chain::SupplyChain},
     system::{BackgroundTask, OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, read, run},
     tools::Toolchain,
     workspace_checks::{
-        cluster::Clusters, crashes::Crashing, emulated_arm64, emulated_cameras, fuzzing::Fuzzing, host_instructions::Guard,
-        interpreting, mutating::Mutating, pages, python_package, sanitizing::Sanitizing, soaking::Soaking,
+        cluster::Clusters,
+        emulated_arm64,
+        failing::{Crashing, Soaking},
+        fuzzing::Fuzzing,
+        mutating::Mutating,
+        pages, python_package,
+        sanitizing::{self, Sanitizing},
     },
 };
-use needs::Needs;
 use step::{
-    Report,
+    Needs, Report,
     Scope::{All, Sample, Test},
     Step,
 };
@@ -65,7 +69,7 @@ const LINT: [Step; 9] = [
     Step { name: "lints", scope: Test, run: static_checks::lints },
     Step { name: "lints for Arm", scope: Test, run: || static_checks::lints_for_arm(&arm()?) },
     Step { name: "lints for RISC-V", scope: Test, run: static_checks::lints_for_risc_v },
-    Step { name: "features", scope: Test, run: features::check },
+    Step { name: "features", scope: Test, run: static_checks::features },
     Step { name: "supply chain", scope: Test, run: || SupplyChain::CHECK.run() },
     Step { name: "subjects of commits", scope: Test, run: static_checks::subjects },
     Step { name: "documentation", scope: Test, run: static_checks::documentation },
@@ -75,22 +79,22 @@ const LINT: [Step; 9] = [
 const TESTS: [Step; 27] = [
     Step { name: "tests in debug", scope: Test, run: tests_in_debug },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
-    Step { name: "the published packages, packed", scope: Sample, run: crates::pack },
+    Step { name: "the published packages, packed", scope: Sample, run: publishing::pack_crates },
     Step { name: "computations in release", scope: Test, run: || run_optimized_tests(&COMPUTATIONS) },
     Step { name: "long tests in release", scope: Test, run: long_tests },
     Step { name: "archives of the program", scope: Test, run: release::check },
     Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
-    Step { name: "cameras in a virtual machine", scope: Test, run: emulated_cameras::run_tests },
+    Step { name: "cameras in a virtual machine", scope: Test, run: machine::run_camera_tests },
     Step { name: "other computations in release", scope: All, run: || run_optimized_tests(&OTHER_COMPUTATIONS) },
     Step { name: "lints without features", scope: All, run: static_checks::lints_without_features },
     Step { name: "the Python wheel", scope: All, run: python_package::test_wheel },
-    Step { name: "the published packages, compiled", scope: All, run: crates::check },
+    Step { name: "the published packages, compiled", scope: All, run: publishing::check_crates },
     Step { name: "archives, built twice", scope: All, run: || release::Release::TWICE.run() },
     Step { name: "64-bit Arm", scope: All, run: emulated_arm64::run_tests },
     Step { name: "everything that computes in AddressSanitizer", scope: All, run: || Sanitizing::ADDRESSES.run_tests() },
     Step { name: "everything that computes in Valgrind", scope: All, run: || Sanitizing::VALGRIND.run_tests() },
-    Step { name: "matching in Miri", scope: All, run: interpreting::run_tests },
+    Step { name: "matching in Miri", scope: All, run: sanitizing::run_tests_in_miri },
     Step { name: "fuzzing, guided by coverage", scope: All, run: || Fuzzing::A_MINUTE.run() },
     Step { name: "commands that are killed", scope: All, run: || Crashing::MANY.run() },
     Step { name: "hardware that fails", scope: All, run: || Soaking::LONG.run() },

@@ -12,7 +12,7 @@ use multiscopic_core::Views;
 use multiscopic_reference::{Fusion, fixed, split_mix::Random};
 use multiscopic_tests::{
     program::Invocation,
-    test_images::view_set::{ViewSet, read_pfm},
+    test_images::{ViewSet, read_pfm},
 };
 use serde_json::Value;
 

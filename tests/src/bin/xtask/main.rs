@@ -28,7 +28,7 @@ use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
 use emulation::build;
-use firmware_checks::{bit_flips, cycles, examples, profiles};
+use firmware_checks::{bit_flips, cycles, profiles};
 use publishing::{release, supply_chain};
 use suite::Extent;
 use workspace_checks::{cluster, emulated_arm64, failing, fuzzing, mutating, pages, python_package, sanitizing};
@@ -125,7 +125,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Check => suite::check(),
         Task::Lint => suite::lint(),
         Task::V4l2 => machine::run_camera_tests(),
-        Task::Kernels => examples::kernels(&build::set_up()?),
+        Task::Kernels => firmware_checks::kernels(&build::set_up()?),
         Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
@@ -141,14 +141,14 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Sanitize(sanitizing) => sanitizing.run_tests(),
         Task::Miri => sanitizing::run_tests_in_miri(),
         Task::Mutants(mutating) => mutating.run(),
-        Task::NoPanic => examples::no_panic(&build::set_up()?),
+        Task::NoPanic => firmware_checks::no_panic(&build::set_up()?),
         Task::Pico2 => {
             let toolchain = build::set_up()?;
             build::lint_pico2(&toolchain)?;
             build::build_pico2(&toolchain)
         }
-        Task::Capture => examples::captures(&build::set_up()?),
-        Task::Faults => examples::faults(&build::set_up()?),
+        Task::Capture => firmware_checks::captures(&build::set_up()?),
+        Task::Faults => firmware_checks::faults(&build::set_up()?),
         Task::Flips(flips) => flips.run(&build::set_up()?),
         Task::Cycles(accounting) => accounting.run(&build::set_up()?),
         Task::Edge(selection) => profiles::run(&build::set_up()?, &selection),

@@ -13,9 +13,9 @@ use crate::{
     counts::Guard,
     emulation::build,
     firmware_checks::{
+        self,
         bit_flips::BitFlips,
         cycles::Accounting,
-        examples,
         profiles::{self, Selection},
     },
     machine,
@@ -111,13 +111,13 @@ const FIRMWARE: [Step; 12] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
     Step { name: "lints for the Pico 2", scope: All, run: || build::lint_pico2(&arm()?) },
     Step { name: "the firmware for the Pico 2", scope: All, run: || build::build_pico2(&arm()?) },
-    Step { name: "the kernels on each processor", scope: All, run: || examples::kernels(&arm()?) },
+    Step { name: "the kernels on each processor", scope: All, run: || firmware_checks::kernels(&arm()?) },
     Step { name: "firmware, a sample", scope: Sample, run: || profiles::run(&arm()?, &Selection::sample()) },
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
     Step { name: "the firmware's cycles", scope: Test, run: || Accounting::compare().run(&arm()?) },
-    Step { name: "the firmware that captures", scope: Test, run: || examples::captures(&arm()?) },
-    Step { name: "the firmware's faults", scope: Test, run: || examples::faults(&arm()?) },
-    Step { name: "no panics", scope: Test, run: || examples::no_panic(&arm()?) },
+    Step { name: "the firmware that captures", scope: Test, run: || firmware_checks::captures(&arm()?) },
+    Step { name: "the firmware's faults", scope: Test, run: || firmware_checks::faults(&arm()?) },
+    Step { name: "no panics", scope: Test, run: || firmware_checks::no_panic(&arm()?) },
     Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },
     Step { name: "many flipped bits", scope: All, run: || BitFlips::many().run(&arm()?) },
 ];
@@ -140,8 +140,8 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Every test of this extent. Those of the firmware run in the background: their compilers and emulators use one processor at a
-    /// time.
+    /// Every test of this extent. Those of the firmware run in the background: their compilers and emulators use one processor at
+    /// a time.
     pub fn test(self) -> Result<()> {
         let needs = if self.all { ALL_NEEDS } else { TEST_NEEDS };
         needs.check()?;

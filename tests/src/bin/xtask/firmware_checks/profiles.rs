@@ -45,8 +45,8 @@ type SampledProfile = (Profile, &'static [Fusion]);
 
 /// The runs of `cargo xtask test`: boards, and the profiles and fusion rules that run there.
 ///
-/// Each kernel matches blocks by each rule for which it has loops, semi-globally, and with eight views. What does not depend on the
-/// kernel runs on one board: column tiles, the prior, the network. `qvga` is built for the count of cycles too.
+/// Each kernel matches blocks by each rule for which it has loops, semi-globally, and with eight views. What does not depend on
+/// the kernel runs on one board: column tiles, the prior, the network. `qvga` is built for the count of cycles too.
 const SAMPLE: [(&EmulatedBoard, &[SampledProfile]); 5] = [
     (
         &emulated_board::REFERENCE,
@@ -119,8 +119,8 @@ impl Selection {
         fusions(profile).filter(|fusion| wanted(&self.fusion, fusion.name()) && is_in_sample(fusion)).collect()
     }
 
-    /// Returns true if a profile runs on a board: both are selected, and the board has enough RAM. The portable kernel, which every
-    /// other test runs too, has to show on RISC-V only that it works there.
+    /// Returns true if a profile runs on a board: both are selected, and the board has enough RAM. The portable kernel, which
+    /// every other test runs too, has to show on RISC-V only that it works there.
     fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
         let is_shown = [profile::QQVGA.name, profile::QVGA_TILED.name].contains(&profile.name);
         wanted(&self.board, board.name)

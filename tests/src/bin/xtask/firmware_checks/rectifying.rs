@@ -1,5 +1,5 @@
-//! Firmware that rectifies the frames in its flash: runs it, compares its packets with the host's, and measures it. The frames are
-//! those of a camera whose lens distorts and that is turned against its stage.
+//! Firmware that rectifies the frames in its flash: runs it, compares its packets with the host's, and measures it. The frames
+//! are those of a camera whose lens distorts and that is turned against its stage.
 
 use anyhow::{Context, Result, ensure};
 use image::GrayImage;

@@ -1,5 +1,5 @@
-//! `capture` with simulated hardware: perfect, with a lens, a mount and a stage that err, and with calibrations of them. `calibrate
-//! mount` finds the angles between such a camera and its stage.
+//! `capture` with simulated hardware: perfect, with a lens, a mount and a stage that err, and with calibrations of them.
+//! `calibrate mount` finds the angles between such a camera and its stage.
 
 use std::{fs, path::Path};
 

@@ -1,5 +1,5 @@
-//! `evaluate`: light fields and layouts, with errors as the reference finds them; and captured folders, against the truth, against
-//! a plane, and over several captures.
+//! `evaluate`: light fields and layouts, with errors as the reference finds them; and captured folders, against the truth,
+//! against a plane, and over several captures.
 
 use std::{fs, path::Path};
 

@@ -1,4 +1,5 @@
-//! External programs that the checks run, subcommands of cargo and compilers for other targets among them, and their installation.
+//! External programs that the checks run, subcommands of cargo and compilers for other targets among them, and their
+//! installation.
 
 pub mod debian;
 

@@ -46,8 +46,8 @@ pub struct Fuzzing {
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
 
-    /// Try so many random changes of the seeds, and of what earlier runs found, without instruments: ten times as fast or more, but
-    /// blind to what the inputs reach
+    /// Try so many random changes of the seeds, and of what earlier runs found, without instruments: ten times as fast or more,
+    /// but blind to what the inputs reach
     #[arg(long, value_name = "N", conflicts_with_all = ["minutes", "runs"])]
     blind: Option<u64>,
 }

@@ -46,7 +46,8 @@ impl Sanitizing {
     }
 }
 
-/// The cargo command that runs tests under AddressSanitizer: those of the fuzz targets' seeds, too, without their limit of addresses.
+/// The cargo command that runs tests under AddressSanitizer: those of the fuzz targets' seeds, too, without their limit of
+/// addresses.
 fn under_address_sanitizer() -> Result<Command> {
     let (mut cargo, _) = instrumented("test", "-Zsanitizer=address", "sanitized")?;
     cargo.args(["--package=multiscopic-fuzz", "--test=seeds"]).env("MULTISCOPIC_UNLIMITED", "1");

@@ -17,7 +17,7 @@ use crate::{
     },
     firmware_checks::{frames::ImageSet, profiles},
     system,
-    timing::{self, disassembly::Disassembly},
+    timing::{self, Disassembly},
     tools::Toolchain,
 };
 

@@ -2,7 +2,7 @@
 
 use std::{env, fs, path::Path, process::Command};
 
-use multiscopic_fuzz::targets;
+use multiscopic_fuzz::TARGETS;
 use multiscopic_tests::program::within;
 
 /// The program that changes seeds.
@@ -64,7 +64,7 @@ tests!(
 
 #[test]
 fn every_target_has_a_test_and_seeds() {
-    assert_eq!(targets::ALL.map(|target| target.name), NAMES);
+    assert_eq!(TARGETS.map(|target| target.name), NAMES);
     let mut folders: Vec<String> = fs::read_dir(seeds(""))
         .expect("the folder of seeds")
         .map(|entry| entry.expect("a folder of seeds").file_name().into_string().expect("a name in UTF-8"))

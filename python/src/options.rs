@@ -1,4 +1,5 @@
-//! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`, as `multiscopic_options` describes them.
+//! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`, as `multiscopic_options` describes
+//! them.
 
 use multiscopic::{Alignment, DisparityMap, Engine, Error, Frames, Method, Result, images::BitDepth};
 use multiscopic_core::SearchSpace;

@@ -2,8 +2,8 @@
  *
  *     -plugin libcount.so,to=FILE,phase=ADDRESS,phase=ADDRESS,...,blocks=FILE
  *
- * A phase begins when the function at its address is called. At the end, FILE gets the instructions of each phase, a number per line
- * in the order of the arguments. Nothing is counted before the first phase.
+ * A phase begins when the function at its address is called. At the end, FILE gets the instructions of each phase, a number per
+ * line in the order of the arguments. Nothing is counted before the first phase.
  *
  * With `blocks`, that file gets a line for each pair of translated blocks that ran one after the other: the number of the second
  * block's phase, the address in hexadecimal and the number of instructions of both blocks, how often, and the additional accesses

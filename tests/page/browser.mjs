@@ -37,8 +37,9 @@ export class Browser {
     return browser;
   }
 
-  // A page of a width with a colour scheme, once it shows something. It may ask for what begins with one of `own`, and for nothing
-  // else. `work()` tells for how many seconds its main thread has run, which does not depend on what else the machine does.
+  // A page of a width with a colour scheme, once it shows something. It may ask for what begins with one of `own`, and for
+  // nothing else. `work()` tells for how many seconds its main thread has run, which does not depend on what else the machine
+  // does.
   async open(address, [width, height], scheme, own) {
     const page = await this.browser.newPage();
     // Only what never comes takes so long.

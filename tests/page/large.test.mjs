@@ -73,8 +73,8 @@ async function assertSmooth(opened) {
   return times;
 }
 
-// A plane as the program writes it, whose values differ by up to `most` from what their neighbours predict: of `bytes` bytes each,
-// the low ones first.
+// A plane as the program writes it, whose values differ by up to `most` from what their neighbours predict: of `bytes` bytes
+// each, the low ones first.
 function plane(most, bytes) {
   const count = SIZE[0] * SIZE[1];
   const values = Buffer.alloc(bytes * count);

@@ -1,4 +1,5 @@
-// Drives the live view in a headless browser. Arguments: the browser, the program, a rig, an empty folder, and a folder for screenshots.
+// Drives the live view in a headless browser. Arguments: the browser, the program, a rig, an empty folder, and a folder for
+// screenshots.
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";

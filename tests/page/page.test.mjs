@@ -1,4 +1,5 @@
-// Drives the page in a headless browser. Arguments: the browser, the page, the folder with the maps, and a folder for screenshots.
+// Drives the page in a headless browser. Arguments: the browser, the page, the folder with the maps, and a folder for
+// screenshots.
 
 import assert from "node:assert/strict";
 import { readFileSync, writeFileSync } from "node:fs";

@@ -33,7 +33,7 @@ use multiscopic_reference::{
 };
 use multiscopic_tests::{
     program::Invocation,
-    test_images::{real_data, view_set::read_grey},
+    test_images::{read_grey, real_data},
 };
 use serde_json::Value;
 

@@ -14,10 +14,10 @@ use multiscopic_reference::{
 use multiscopic_tests::{
     program::Invocation,
     test_images::{
+        ViewSet,
         core_match::{matched, params},
-        misaligned,
+        misaligned, read_pfm,
         real_data::{self, Dataset},
-        view_set::{ViewSet, read_pfm},
     },
 };
 

@@ -16,7 +16,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use multiscopic_fuzz::targets::Target;
+use multiscopic_fuzz::Target;
 use multiscopic_reference::split_mix::Random;
 
 /// The longest input in bytes, if the seeds are shorter.

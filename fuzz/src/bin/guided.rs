@@ -5,7 +5,7 @@
 use std::{env, sync::LazyLock};
 
 use libfuzzer_sys::{Corpus, fuzz_target};
-use multiscopic_fuzz::targets::Target;
+use multiscopic_fuzz::Target;
 
 static TARGET: LazyLock<Target> = LazyLock::new(|| {
     let name = env::var("MULTISCOPIC_FUZZ_TARGET").expect("MULTISCOPIC_FUZZ_TARGET names a target");

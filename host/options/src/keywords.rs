@@ -36,9 +36,9 @@ pub struct Keywords {
     #[command(flatten)]
     pub bits: BitsOption,
 
-    /// Disparities around which all views are searched instead of over the whole range: numbers of height x width in pixels of one
-    /// baseline, NaN or infinite where unknown. They are rounded to multiples of 1/64, which those of match() are. Of the filters,
-    /// sub_pixel alone goes with it, and there are no confidences
+    /// Disparities around which all views are searched instead of over the whole range: numbers of height x width in pixels of
+    /// one baseline, NaN or infinite where unknown. They are rounded to multiples of 1/64, which those of match() are. Of the
+    /// filters, sub_pixel alone goes with it, and there are no confidences
     #[arg(long, conflicts_with_all = PRIOR_EXCLUDES, conflicts_with = "confidence")]
     prior: bool,
 

@@ -18,8 +18,8 @@
 //! # }
 //! ```
 //!
-//! To add an option, add a field to the struct of its group. The doc comment is the text of `--help` and of Python's `help()`, the
-//! type decides what Python takes. In the same file, say what the option changes, and add a line to the group's table of the
+//! To add an option, add a field to the struct of its group. The doc comment is the text of `--help` and of Python's `help()`,
+//! the type decides what Python takes. In the same file, say what the option changes, and add a line to the group's table of the
 //! page if it should have a control there.
 //!
 //! | module | what it is |

@@ -1,4 +1,5 @@
-//! The options of the search: the range of disparities, the block, views at several baselines, and images after their preparation.
+//! The options of the search: the range of disparities, the block, views at several baselines, and images after their
+//! preparation.
 
 use clap::Args;
 use multiscopic::{

@@ -1,6 +1,5 @@
 //! Captures and matches over and over, on simulated hardware that fails at random, in one process whose resources are watched.
 
-mod eye;
 mod failing_rig;
 
 use std::{

@@ -14,8 +14,8 @@ use proptest::{
 };
 
 use crate::test_images::{
+    ViewSet,
     core_match::{params_in, views},
-    view_set::ViewSet,
 };
 
 /// The content of generated images.

@@ -14,7 +14,7 @@ use multiscopic_reference::{
     split_mix::Random,
 };
 
-use crate::test_images::view_set::{ViewSet, view_at};
+use crate::test_images::{ViewSet, view_at};
 
 /// The core's parameters for the given match.
 pub fn params(

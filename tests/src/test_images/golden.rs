@@ -8,7 +8,7 @@ use multiscopic_reference::{
     semi_global::Cost,
 };
 
-use crate::test_images::view_set::ViewSet;
+use crate::test_images::ViewSet;
 
 /// The width of the golden images in pixels.
 pub const WIDTH: usize = 48;

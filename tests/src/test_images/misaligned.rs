@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use crate::{program::Invocation, test_images::view_set::ViewSet};
+use crate::{program::Invocation, test_images::ViewSet};
 
 /// The factor by which images are scaled down.
 pub const FACTOR: usize = 4;

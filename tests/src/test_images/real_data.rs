@@ -7,7 +7,7 @@ use std::{
 
 use multiscopic_reference::networks::file_name;
 
-use crate::test_images::view_set::{ViewSet, read_grey, read_pfm};
+use crate::test_images::{ViewSet, read_grey, read_pfm};
 
 /// The folder of the data: `$MULTISCOPIC_DATA`, or `../shared/data` beside the repository; `None` if neither
 /// exists.

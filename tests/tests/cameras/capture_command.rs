@@ -25,9 +25,8 @@ use multiscopic_tests::{
         pose::{Pose, distance, pose_trans},
     },
     test_images::{
-        golden,
+        ViewSet, golden,
         real_data::{self, Dataset},
-        view_set::ViewSet,
     },
 };
 use tempfile::TempDir;

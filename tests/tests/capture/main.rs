@@ -8,7 +8,6 @@ mod gcode;
 mod hostile_arm;
 #[cfg(unix)]
 mod hostile_machine;
-mod mounts;
 mod path;
 mod sequence;
 mod simulated;

@@ -9,8 +9,9 @@ use multiscopic_core::{Frame, Fusion, SearchConfig, View};
 use multiscopic_tests::{
     program::Invocation,
     test_images::{
+        ViewSet,
         misaligned::{self, FACTOR, Off, align, assert_recovers, quarter, write_rig},
-        view_set::{ViewSet, read_pfm},
+        read_pfm,
     },
 };
 use std::{fs, sync::LazyLock};

@@ -11,7 +11,7 @@ use multiscopic_core::{View, Views};
 use multiscopic_reference::{Fusion, raw16, split_mix::Random};
 use multiscopic_tests::{
     program::Invocation,
-    test_images::view_set::{ViewSet, read_pfm, read_raw16},
+    test_images::{ViewSet, read_pfm, read_raw16},
 };
 
 /// Images of a centre and of views at `offsets`.

@@ -1,5 +1,5 @@
-//! `evaluate`: light fields and layouts, with errors as the reference finds them; and captured folders, against the truth, against
-//! a plane, and over several captures.
+//! `evaluate`: light fields and layouts, with errors as the reference finds them; and captured folders, against the truth,
+//! against a plane, and over several captures.
 
 use std::{fs, path::Path};
 
@@ -12,7 +12,7 @@ use multiscopic_core::Views;
 use multiscopic_reference::{Fusion, fixed, split_mix::Random};
 use multiscopic_tests::{
     program::Invocation,
-    test_images::view_set::{ViewSet, read_pfm},
+    test_images::{ViewSet, read_pfm},
 };
 use serde_json::Value;
 

@@ -2,7 +2,6 @@
 
 mod alignment;
 mod arrays;
-mod baselines;
 mod command_line;
 mod edge_commands;
 mod evaluation;
@@ -12,5 +11,5 @@ mod lenses;
 mod live_view;
 mod photos;
 mod scenes;
-mod search_ranges;
+mod search;
 mod shards;

@@ -10,7 +10,7 @@ use std::{
 use image::{DynamicImage, GenericImageView, GrayImage, ImageBuffer, ImageEncoder, Luma, Rgb, codecs::png::PngEncoder};
 use multiscopic::{Rig, files::FrameFiles};
 use multiscopic_core::{Frame, View};
-use multiscopic_tests::{program::Invocation, test_images::view_set::read_pfm};
+use multiscopic_tests::{program::Invocation, test_images::read_pfm};
 use tempfile::TempDir;
 
 /// A folder of photos with these names, each of its own brightness.

@@ -10,8 +10,8 @@ use multiscopic_core::{
 };
 use multiscopic_reference::{confidence, medians, split_mix::Random, texture};
 use multiscopic_tests::test_images::{
+    ViewSet,
     case::{Case, cases, property},
-    view_set::ViewSet,
 };
 
 type Map = Vec<Vec<Option<Disparity>>>;

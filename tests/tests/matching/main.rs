@@ -1,6 +1,5 @@
 //! The core's matcher equals the float reference, bit for bit.
 
-mod arithmetic;
 mod bit_exact;
 mod line_filters;
 mod patterns;

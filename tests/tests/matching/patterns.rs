@@ -6,8 +6,9 @@ use multiscopic_reference::{
     split_mix::Random,
 };
 use multiscopic_tests::test_images::{
+    assert_drawn,
     core_match::{matched, params},
-    view_set::{assert_drawn, draw, synthesise},
+    draw, synthesise,
 };
 
 pub(super) const STEREO: [bool; 4] = [false, true, false, false];

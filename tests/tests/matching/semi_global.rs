@@ -13,9 +13,10 @@ use multiscopic_reference::{
     split_mix::Random,
 };
 use multiscopic_tests::test_images::{
+    ViewSet, assert_drawn,
     case::{Case, cases, property},
     core_match::{FRAMES, StrictSource, semi_global_params, semi_globally_matched, semi_globally_matched_with_peaks},
-    view_set::{ViewSet, assert_drawn, draw, synthesise},
+    draw, synthesise,
 };
 
 use crate::{

@@ -3,7 +3,7 @@
 use multiscopic::{DisparityMap, Frames, stereo::refinement::LucasKanade};
 use multiscopic_core::{Disparity, Views};
 use multiscopic_reference::{self as reference, split_mix::Random};
-use multiscopic_tests::test_images::view_set::ViewSet;
+use multiscopic_tests::test_images::ViewSet;
 
 /// The map by pools of several numbers of threads, which must all agree.
 fn sharpened(map: &DisparityMap, frames: &Frames, range: [i32; 2]) -> DisparityMap {

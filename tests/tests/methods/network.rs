@@ -22,9 +22,9 @@ use multiscopic_core::{
 use multiscopic_edge::Wide;
 use multiscopic_reference::{self as reference, Fusion, NetworkInputs, semi_global::Cost, split_mix::Random};
 use multiscopic_tests::test_images::{
+    ViewSet,
     case::{Case, cases, property},
     core_match::{engines, views},
-    view_set::ViewSet,
 };
 
 const THREADS: [usize; 2] = [1, 3];

@@ -13,9 +13,9 @@ use multiscopic_reference::{
     split_mix::Random,
 };
 use multiscopic_tests::test_images::{
+    ViewSet,
     case::{Appearance, Case, cases, property},
     core_match::semi_global_params,
-    view_set::ViewSet,
 };
 
 /// Costs and their sums, and disparities.

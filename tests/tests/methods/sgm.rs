@@ -21,9 +21,9 @@ use multiscopic_reference::{
     split_mix::Random,
 };
 use multiscopic_tests::test_images::{
+    ViewSet,
     case::{Appearance, Case, cases, property, wide_cases},
     core_match::{assert_equal, engines, semi_global_params, semi_globally_matched},
-    view_set::ViewSet,
 };
 
 /// The host's method with the core's parameters. Views at several baselines are matched together, as the reference does.

@@ -9,10 +9,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, SearchConfig, SearchSpace, SemiGlobalCost, View};
 use multiscopic_reference::{Fusion, raw16, semi_global::Cost, split_mix::Random};
-use multiscopic_tests::test_images::{
-    core_match::views,
-    view_set::{ViewSet, view_at},
-};
+use multiscopic_tests::test_images::{ViewSet, core_match::views, view_at};
 
 const FUSIONS: [(CoreFusion, Fusion); 4] = [
     (CoreFusion::Min, Fusion::Min),

@@ -39,8 +39,8 @@ pub struct Bench {
     #[arg(long)]
     json: bool,
 
-    /// Measure nothing, and print a Python program that measures OpenCV's StereoBM, or StereoSGBM with --method sgm, with frames of
-    /// the same size and as many disparities
+    /// Measure nothing, and print a Python program that measures OpenCV's StereoBM, or StereoSGBM with --method sgm, with frames
+    /// of the same size and as many disparities
     #[arg(long, conflicts_with = "json")]
     opencv: bool,
 

@@ -15,8 +15,8 @@ use super::{
 /// The megabytes from which on the user is told.
 const MUCH: u64 = 1000;
 
-/// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one and their
-/// number. Alignments that take more `memory` than may be taken are refused.
+/// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one and
+/// their number. Alignments that take more `memory` than may be taken are refused.
 pub fn prepare(
     options: &PreparationOptions,
     source: &Source,

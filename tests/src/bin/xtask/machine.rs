@@ -1,14 +1,16 @@
-//! A virtual machine with cameras: Linux with camera drivers from Debian's packages, and its initial file system as a cpio
-//! archive.
+//! A virtual machine with cameras, and the tests that run in it: Linux with camera drivers from Debian's packages, and its
+//! initial file system as a cpio archive.
 
 use anyhow::{Context, Result, bail, ensure};
 use cpio::{
     NewcBuilder,
     newc::{self, ModeFileType},
 };
+use multiscopic_tests::test_images::real_data::{self, Dataset};
 use object::{Object, ObjectSection};
 use std::{
     collections::{BTreeMap, HashSet},
+    env::consts::ARCH,
     fs::{self, File},
     io::Write,
     path::{Component, Path, PathBuf},
@@ -17,10 +19,7 @@ use std::{
 };
 
 use crate::{
-    system::{
-        folders,
-        process::{command, exit_code_within, read},
-    },
+    system::{self, OPTIMIZED, built_optimized_program, built_test, command, exit_code_within, read, run},
     tools::{self, Tool, debian},
 };
 
@@ -34,23 +33,63 @@ const MEMORY: &str = "1G";
 const UP: &str = "guest: up ";
 const EXIT_CODE: &str = "guest: exit code ";
 
+/// The test program that needs cameras.
+const TEST: &str = "cameras";
+
+/// Runs the camera tests in release. Without a virtual machine they are reported as ignored.
+pub fn run_camera_tests() -> Result<()> {
+    if let Some(reason) = missing() {
+        println!("v4l2: no virtual machine: {reason}");
+        return run(command("cargo", ["test", "--no-fail-fast", "--release", "--test", TEST]).args(OPTIMIZED));
+    }
+    let mut machine = Machine::new()?;
+    let program = built_optimized_program()?;
+    machine.add_program(&program)?;
+    machine.add_folder(&system::root().join("tests/golden"))?;
+    let mut variables = format!("MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{}'", program.display());
+    if let Some(root) = real_data::root() {
+        machine.add_folder(&root.join(Dataset::Tsukuba.name()))?;
+        variables += &format!(" MULTISCOPIC_DATA='{}'", root.display());
+    }
+    let test = built_test(TEST)?;
+    machine.add_program(&test)?;
+    // The tests share the devices and change their settings, so they run one at a time.
+    machine.run(&format!("cd /tmp; {variables} '{}' --test-threads 1 --color never", test.display()))
+}
+
+/// Returns the reason that no virtual machine can run here; `None` if one can.
+fn missing() -> Option<String> {
+    if ARCH != "x86_64" || !debian::is_here() {
+        return Some("its kernel is Debian's for x86_64, and this is another system".into());
+    }
+    if debian::can_install() {
+        return None;
+    }
+    let refused = [&tools::QEMU_X86].into_iter().chain(&LINUX_TOOLS).find_map(|tool| tool.install().err());
+    match Linux::current() {
+        _ if refused.is_some() => refused.map(|refusal| format!("{refusal:#}")),
+        None => Some("no list of packages; run `sudo apt-get update` first".into()),
+        Some(_) => None,
+    }
+}
+
 /// A virtual machine under construction.
-pub struct Machine {
+struct Machine {
     kernel: Linux,
     files: Archive,
 }
 
 impl Machine {
     /// A machine with drivers and a shell only.
-    pub fn new() -> Result<Machine> {
+    fn new() -> Result<Machine> {
         let kernel = Linux::install()?;
         let mut files = Archive::default();
-        files.copy(&folders::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
+        files.copy(&system::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
         Ok(Machine { kernel, files })
     }
 
     /// Copies a program of the host and its shared libraries, under the same paths.
-    pub fn add_program(&mut self, program: &Path) -> Result<()> {
+    fn add_program(&mut self, program: &Path) -> Result<()> {
         self.files.copy(program, program)?;
         // `libc.so.6 => /lib/x86_64-linux-gnu/libc.so.6 (0x...)`, and the loader without an arrow.
         let listed = read(command("ldd", [""; 0]).arg(program))?;
@@ -59,16 +98,16 @@ impl Machine {
     }
 
     /// Copies the files of a folder of the host, under the same paths.
-    pub fn add_folder(&mut self, folder: &Path) -> Result<()> {
+    fn add_folder(&mut self, folder: &Path) -> Result<()> {
         let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
         let paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<PathBuf>>>()?;
         paths.iter().filter(|path| path.is_file()).try_for_each(|path| self.files.copy(path, path))
     }
 
     /// Runs a shell script and prints its output. Fails unless its exit code is 0.
-    pub fn run(mut self, script: &str) -> Result<()> {
+    fn run(mut self, script: &str) -> Result<()> {
         self.files.file(Path::new("tests.sh"), script.as_bytes());
-        let folder = folders::target().join("v4l2");
+        let folder = system::target().join("v4l2");
         let (archive, log) = (folder.join("machine.cpio"), folder.join("output.txt"));
         fs::create_dir_all(&folder)?;
         // Linux unpacks concatenated archives one after the other.
@@ -103,7 +142,7 @@ impl Machine {
 }
 
 /// The tools that unpack the kernel and build its loopback module.
-pub const LINUX_TOOLS: [Tool; 3] = [tools::CC, tools::MAKE, tools::XZ];
+const LINUX_TOOLS: [Tool; 3] = [tools::CC, tools::MAKE, tools::XZ];
 
 /// The drivers and their parameters: vivid generates images and faults, v4l2loopback shows the frames it is
 /// fed.
@@ -117,7 +156,7 @@ const IMAGE: &str = "kernel";
 const SYSTEM: &str = "system.cpio";
 
 /// The files that a virtual machine boots from.
-pub struct Linux {
+struct Linux {
     /// The kernel image.
     image: PathBuf,
     /// The archive with busybox, the drivers, and the order in which they are loaded.
@@ -128,8 +167,8 @@ pub struct Linux {
 
 impl Linux {
     /// The kernel, unpacked from Debian's current one on first use.
-    pub fn install() -> Result<Linux> {
-        let folder = folders::target().join("tools/linux");
+    fn install() -> Result<Linux> {
+        let folder = system::target().join("tools/linux");
         let marker = folder.join("version");
         if !marker.is_file() {
             if debian::can_install() {
@@ -144,7 +183,7 @@ impl Linux {
     }
 
     /// The current kernel's version in the package lists.
-    pub fn current() -> Option<String> {
+    fn current() -> Option<String> {
         let depends = depends("linux-image-amd64").ok()?;
         depends.iter().find_map(|package| package.strip_prefix("linux-image-").map(str::to_owned))
     }

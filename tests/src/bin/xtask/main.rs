@@ -2,11 +2,11 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `system` | other programs, threads, and paths |
+//! | `system` | paths, other programs, and threads |
 //! | `tools` | the programs that checks run, and their installation |
 //! | `counts` | the recorded counts of instructions and cycles |
 //! | `timing` | the cycles that instructions take |
-//! | `machine` | the virtual machine with cameras |
+//! | `machine` | the virtual machine with cameras, and the tests in it |
 //! | `emulation` | emulated boards: firmware is built for them, run and measured |
 //! | `firmware_checks` | checks of the firmware on the boards |
 //! | `publishing` | everything that is published: crates, archives of the program, and the dependencies of both |
@@ -27,14 +27,11 @@ mod workspace_checks;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-use emulation::setup;
-use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
-use publishing::{crates, public_api, release, supply_chain};
+use emulation::build;
+use firmware_checks::{bit_flips, cycles, profiles};
+use publishing::{release, supply_chain};
 use suite::Extent;
-use workspace_checks::{
-    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, interpreting, mutating, pages,
-    python_package, sanitizing, soaking,
-};
+use workspace_checks::{cluster, emulated_arm64, failing, fuzzing, mutating, pages, python_package, sanitizing};
 
 /// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
@@ -76,7 +73,7 @@ enum Task {
     /// Check the architecture: layers of modules, circles of files
     Architecture,
     /// Count the instructions of matching on this machine, and compare them with the record
-    Instructions(host_instructions::Guard),
+    Instructions(counts::Guard),
     /// Drive the page of results in a headless browser
     Page,
     /// Build the Python package, and test it against the program
@@ -86,7 +83,7 @@ enum Task {
     /// Package the published crates, and compile each from its package
     Package,
     /// Compare what the published crates offer with an earlier revision
-    Semver(public_api::PublicApi),
+    Semver(publishing::PublicApi),
     /// Make archives of the program for Linux and Debian, which the same commit gives the same bytes
     Release(release::Release),
     /// Check the versions of dependencies, the reasons for them and the count of unsafe code
@@ -94,9 +91,9 @@ enum Task {
     /// Fuzz the readers of outside bytes, and what must equal its reference, guided by coverage
     Fuzz(fuzzing::Fuzzing),
     /// Kill commands at random moments, and check what they leave behind
-    Crash(crashes::Crashing),
+    Crash(failing::Crashing),
     /// Capture and match on simulated hardware that fails at random, and watch memory, files and threads
-    Soak(soaking::Soaking),
+    Soak(failing::Soaking),
     /// Lint and link the firmware for a Raspberry Pi Pico 2
     Pico2,
     /// Run the tests of everything that computes with AddressSanitizer or Valgrind
@@ -122,18 +119,18 @@ fn main() -> ExitCode {
 fn run(task: Task) -> anyhow::Result<()> {
     match task {
         Task::Architecture => suite::architecture(),
-        Task::Setup => setup::run().map(drop),
+        Task::Setup => build::set_up().map(drop),
         Task::Test(extent) => extent.test(),
         Task::Firmware(extent) => extent.firmware(),
         Task::Check => suite::check(),
         Task::Lint => suite::lint(),
-        Task::V4l2 => emulated_cameras::run_tests(),
-        Task::Kernels => kernel_twins::run(&setup::run()?),
+        Task::V4l2 => machine::run_camera_tests(),
+        Task::Kernels => firmware_checks::kernels(&build::set_up()?),
         Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
         Task::Python => python_package::test_wheel(),
-        Task::Package => crates::check(),
+        Task::Package => publishing::check_crates(),
         Task::Semver(public_api) => public_api.check(),
         Task::Release(release) => release.run(),
         Task::Cluster(clusters) => clusters.run(),
@@ -142,19 +139,19 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Crash(crashing) => crashing.run(),
         Task::Soak(soaking) => soaking.run(),
         Task::Sanitize(sanitizing) => sanitizing.run_tests(),
-        Task::Miri => interpreting::run_tests(),
+        Task::Miri => sanitizing::run_tests_in_miri(),
         Task::Mutants(mutating) => mutating.run(),
-        Task::NoPanic => faults::no_panic(&setup::run()?),
+        Task::NoPanic => firmware_checks::no_panic(&build::set_up()?),
         Task::Pico2 => {
-            let toolchain = setup::run()?;
-            pico2::lint(&toolchain)?;
-            pico2::build(&toolchain)
+            let toolchain = build::set_up()?;
+            build::lint_pico2(&toolchain)?;
+            build::build_pico2(&toolchain)
         }
-        Task::Capture => capturing::run(&setup::run()?),
-        Task::Faults => faults::run(&setup::run()?),
-        Task::Flips(flips) => flips.run(&setup::run()?),
-        Task::Cycles(accounting) => accounting.run(&setup::run()?),
-        Task::Edge(selection) => profiles::run(&setup::run()?, &selection),
+        Task::Capture => firmware_checks::captures(&build::set_up()?),
+        Task::Faults => firmware_checks::faults(&build::set_up()?),
+        Task::Flips(flips) => flips.run(&build::set_up()?),
+        Task::Cycles(accounting) => accounting.run(&build::set_up()?),
+        Task::Edge(selection) => profiles::run(&build::set_up()?, &selection),
     }
 }
 
@@ -165,12 +162,10 @@ mod tests {
     use clap::CommandFactory;
     use std::{fs, path::PathBuf};
 
-    use system::folders;
-
     /// The guides, and the sources of the runner's own help.
     fn guides() -> Vec<PathBuf> {
         let markdown = |folder: &str| {
-            let entries = fs::read_dir(folders::root().join(folder)).expect("a folder with guides");
+            let entries = fs::read_dir(system::root().join(folder)).expect("a folder with guides");
             entries.map(|entry| entry.expect("an entry").path()).filter(|path| path.extension().is_some_and(|name| name == "md"))
         };
         ["", "docs", "edge/pico2", "tests/benches"]

@@ -2,8 +2,6 @@
 //!
 //! `docs/testing.md` says what each step checks, and why it stands where it does.
 
-mod features;
-mod needs;
 mod static_checks;
 mod step;
 
@@ -12,28 +10,30 @@ use clap::Args;
 use std::{iter, path::Path};
 
 use crate::{
-    emulation::setup,
+    counts::Guard,
+    emulation::build,
     firmware_checks::{
+        self,
         bit_flips::BitFlips,
-        capturing,
         cycles::Accounting,
-        faults, kernel_twins, pico2,
         profiles::{self, Selection},
     },
-    publishing::{crates, public_api::PublicApi, release, supply_chain::SupplyChain},
-    system::{
-        background_task::BackgroundTask,
-        process::{OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, read, run},
-    },
-    tools::toolchain::Toolchain,
+    machine,
+    publishing::{self, PublicApi, release, supply_chain::SupplyChain},
+    system::{BackgroundTask, OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, read, run},
+    tools::Toolchain,
     workspace_checks::{
-        cluster::Clusters, crashes::Crashing, emulated_arm64, emulated_cameras, fuzzing::Fuzzing, host_instructions::Guard,
-        interpreting, mutating::Mutating, pages, python_package, sanitizing::Sanitizing, soaking::Soaking,
+        cluster::Clusters,
+        emulated_arm64,
+        failing::{Crashing, Soaking},
+        fuzzing::Fuzzing,
+        mutating::Mutating,
+        pages, python_package,
+        sanitizing::{self, Sanitizing},
     },
 };
-use needs::Needs;
 use step::{
-    Report,
+    Needs, Report,
     Scope::{All, Sample, Test},
     Step,
 };
@@ -69,7 +69,7 @@ const LINT: [Step; 9] = [
     Step { name: "lints", scope: Test, run: static_checks::lints },
     Step { name: "lints for Arm", scope: Test, run: || static_checks::lints_for_arm(&arm()?) },
     Step { name: "lints for RISC-V", scope: Test, run: static_checks::lints_for_risc_v },
-    Step { name: "features", scope: Test, run: features::check },
+    Step { name: "features", scope: Test, run: static_checks::features },
     Step { name: "supply chain", scope: Test, run: || SupplyChain::CHECK.run() },
     Step { name: "subjects of commits", scope: Test, run: static_checks::subjects },
     Step { name: "documentation", scope: Test, run: static_checks::documentation },
@@ -79,22 +79,22 @@ const LINT: [Step; 9] = [
 const TESTS: [Step; 27] = [
     Step { name: "tests in debug", scope: Test, run: tests_in_debug },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
-    Step { name: "the published packages, packed", scope: Sample, run: crates::pack },
+    Step { name: "the published packages, packed", scope: Sample, run: publishing::pack_crates },
     Step { name: "computations in release", scope: Test, run: || run_optimized_tests(&COMPUTATIONS) },
     Step { name: "long tests in release", scope: Test, run: long_tests },
     Step { name: "archives of the program", scope: Test, run: release::check },
     Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
-    Step { name: "cameras in a virtual machine", scope: Test, run: emulated_cameras::run_tests },
+    Step { name: "cameras in a virtual machine", scope: Test, run: machine::run_camera_tests },
     Step { name: "other computations in release", scope: All, run: || run_optimized_tests(&OTHER_COMPUTATIONS) },
     Step { name: "lints without features", scope: All, run: static_checks::lints_without_features },
     Step { name: "the Python wheel", scope: All, run: python_package::test_wheel },
-    Step { name: "the published packages, compiled", scope: All, run: crates::check },
+    Step { name: "the published packages, compiled", scope: All, run: publishing::check_crates },
     Step { name: "archives, built twice", scope: All, run: || release::Release::TWICE.run() },
     Step { name: "64-bit Arm", scope: All, run: emulated_arm64::run_tests },
     Step { name: "everything that computes in AddressSanitizer", scope: All, run: || Sanitizing::ADDRESSES.run_tests() },
     Step { name: "everything that computes in Valgrind", scope: All, run: || Sanitizing::VALGRIND.run_tests() },
-    Step { name: "matching in Miri", scope: All, run: interpreting::run_tests },
+    Step { name: "matching in Miri", scope: All, run: sanitizing::run_tests_in_miri },
     Step { name: "fuzzing, guided by coverage", scope: All, run: || Fuzzing::A_MINUTE.run() },
     Step { name: "commands that are killed", scope: All, run: || Crashing::MANY.run() },
     Step { name: "hardware that fails", scope: All, run: || Soaking::LONG.run() },
@@ -109,15 +109,15 @@ const TESTS: [Step; 27] = [
 /// The tests of the firmware, and of the libraries as firmware depends on them.
 const FIRMWARE: [Step; 12] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
-    Step { name: "lints for the Pico 2", scope: All, run: || pico2::lint(&arm()?) },
-    Step { name: "the firmware for the Pico 2", scope: All, run: || pico2::build(&arm()?) },
-    Step { name: "the kernels on each processor", scope: All, run: || kernel_twins::run(&arm()?) },
+    Step { name: "lints for the Pico 2", scope: All, run: || build::lint_pico2(&arm()?) },
+    Step { name: "the firmware for the Pico 2", scope: All, run: || build::build_pico2(&arm()?) },
+    Step { name: "the kernels on each processor", scope: All, run: || firmware_checks::kernels(&arm()?) },
     Step { name: "firmware, a sample", scope: Sample, run: || profiles::run(&arm()?, &Selection::sample()) },
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
     Step { name: "the firmware's cycles", scope: Test, run: || Accounting::compare().run(&arm()?) },
-    Step { name: "the firmware that captures", scope: Test, run: || capturing::run(&arm()?) },
-    Step { name: "the firmware's faults", scope: Test, run: || faults::run(&arm()?) },
-    Step { name: "no panics", scope: Test, run: || faults::no_panic(&arm()?) },
+    Step { name: "the firmware that captures", scope: Test, run: || firmware_checks::captures(&arm()?) },
+    Step { name: "the firmware's faults", scope: Test, run: || firmware_checks::faults(&arm()?) },
+    Step { name: "no panics", scope: Test, run: || firmware_checks::no_panic(&arm()?) },
     Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },
     Step { name: "many flipped bits", scope: All, run: || BitFlips::many().run(&arm()?) },
 ];
@@ -140,13 +140,13 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Every test of this extent. Those of the firmware run in the background: their compilers and emulators use one processor at a
-    /// time.
+    /// Every test of this extent. Those of the firmware run in the background: their compilers and emulators use one processor at
+    /// a time.
     pub fn test(self) -> Result<()> {
         let needs = if self.all { ALL_NEEDS } else { TEST_NEEDS };
         needs.check()?;
         let mut report = Report::default();
-        report.step("setup", || setup::run().map(drop));
+        report.step("setup", || build::set_up().map(drop));
         let arguments = iter::once("firmware").chain(self.all.then_some("--all"));
         let firmware = BackgroundTask::start(&arguments.collect::<Vec<_>>())?;
         report.run(self.steps(&TESTS));
@@ -157,7 +157,7 @@ impl Extent {
     /// Every test of the firmware of this extent.
     pub fn firmware(self) -> Result<()> {
         let mut report = Report::default();
-        report.step("setup", || setup::run().map(drop));
+        report.step("setup", || build::set_up().map(drop));
         report.run(self.steps(&FIRMWARE));
         report.finish()
     }
@@ -179,7 +179,7 @@ pub fn check() -> Result<()> {
 pub fn lint() -> Result<()> {
     LINT_NEEDS.check()?;
     let mut report = Report::default();
-    report.step("setup", || setup::run().map(drop));
+    report.step("setup", || build::set_up().map(drop));
     report.run(&LINT);
     report.finish()
 }
@@ -224,7 +224,7 @@ fn run_optimized_tests(selection: &[&str]) -> Result<()> {
 
 /// The toolchain for the boards with Arm processors.
 fn arm() -> Result<Toolchain> {
-    setup::toolchain()
+    build::toolchain()
 }
 
 fn cargo(args: &[&str]) -> std::process::Command {
@@ -238,7 +238,7 @@ mod tests {
     use anyhow::anyhow;
     use std::fs;
 
-    use crate::system::folders;
+    use crate::system;
 
     /// The rows of a table of the guide, by the heading above it: the name of a step and the suites that it is part of.
     fn rows(guide: &str, heading: &str) -> Vec<[String; 2]> {
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn the_guide_lists_every_step() {
-        let guide = fs::read_to_string(folders::root().join("docs/testing.md")).expect("the guide");
+        let guide = fs::read_to_string(system::root().join("docs/testing.md")).expect("the guide");
         for (heading, steps) in
             [("## Lint\n", &LINT[..]), ("## Tests on this machine\n", &TESTS), ("## Tests of the firmware\n", &FIRMWARE)]
         {

@@ -16,7 +16,7 @@ use multiscopic_tests::{
     program::Invocation,
     test_images::{
         golden::{self, GOLDEN, Golden, GoldenMethod},
-        view_set::{read_pfm, read_raw16},
+        read_pfm, read_raw16,
     },
 };
 

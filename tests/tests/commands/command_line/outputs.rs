@@ -9,10 +9,7 @@ use multiscopic::{
 };
 use multiscopic_tests::{
     program::{Invocation, binary, make},
-    test_images::{
-        golden,
-        view_set::{read_pfm, read_raw16},
-    },
+    test_images::{golden, read_pfm, read_raw16},
 };
 use tempfile::TempDir;
 

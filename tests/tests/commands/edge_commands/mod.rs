@@ -10,7 +10,7 @@ use multiscopic_core::{Fusion, Memory};
 use multiscopic_edge::{Matching, WholeLines, Wide, profile};
 use multiscopic_tests::{
     program::{self, Invocation},
-    test_images::view_set::{read_grey, read_pfm},
+    test_images::{read_grey, read_pfm},
 };
 use tempfile::TempDir;
 

@@ -11,7 +11,7 @@ use multiscopic_core::{BlockMatchingParams, Disparity, Fusion, Region, SearchCon
 use multiscopic_edge::packet::{Sender, buffer_bytes, buffer_bytes_with_confidences};
 use multiscopic_tests::{
     program::{self, Invocation},
-    test_images::view_set::{read_pfm, read_raw16},
+    test_images::{read_pfm, read_raw16},
 };
 
 use super::{confidences, folder, json};

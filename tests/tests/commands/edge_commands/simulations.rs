@@ -8,10 +8,7 @@ use multiscopic_edge::{Matching, Profile, WholeLines, Wide, profile};
 use multiscopic_reference::{self as reference, AroundPrior, gradients};
 use multiscopic_tests::{
     program::Invocation,
-    test_images::{
-        golden,
-        view_set::{ViewSet, read_grey, read_pfm, read_raw16},
-    },
+    test_images::{ViewSet, golden, read_grey, read_pfm, read_raw16},
 };
 
 use super::{budget, confidences, folder, json};

@@ -13,7 +13,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, View};
 use multiscopic_tests::{
     program::Invocation,
-    test_images::view_set::{ViewSet, read_pfm, read_raw16},
+    test_images::{ViewSet, read_pfm, read_raw16},
 };
 
 /// The size of the images that are matched.

@@ -1,5 +1,5 @@
-//! `tune`: the clients of its server, hostile ones among them, its answers, and the code that its page gives. `tuned` has the code
-//! for some settings, compiled and run.
+//! `tune`: the clients of its server, hostile ones among them, its answers, and the code that its page gives. `tuned` has the
+//! code for some settings, compiled and run.
 
 #![cfg(unix)]
 

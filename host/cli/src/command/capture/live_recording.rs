@@ -37,8 +37,8 @@ impl<'a> LiveRecording<'a> {
         Ok(LiveRecording { search, engine: Engine::new(None, 0)? })
     }
 
-    /// Writes a recording. `capture` takes captures, and tells the folder of each to the function that it is given. However it ends,
-    /// the recording has all before.
+    /// Writes a recording. `capture` takes captures, and tells the folder of each to the function that it is given. However it
+    /// ends, the recording has all before.
     pub fn write(&self, path: &Path, capture: impl FnOnce(&mut dyn FnMut(&Path) -> Result<()>) -> Result<()>) -> Result<()> {
         let mut captured = Ok(());
         output::write(path, |file| {

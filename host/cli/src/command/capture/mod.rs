@@ -60,8 +60,8 @@ pub struct Capture {
     #[arg(long, value_name = "N", requires = "live")]
     count: Option<NonZeroU32>,
 
-    /// With --live, a recording for ROS 2 and Foxglove, or a pipe: depth, disparities and the other topics of `match --mcap` of each
-    /// capture, matched by blocks as soon as it is taken; needs the focal length
+    /// With --live, a recording for ROS 2 and Foxglove, or a pipe: depth, disparities and the other topics of `match --mcap` of
+    /// each capture, matched by blocks as soon as it is taken; needs the focal length
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "OUT.mcap", requires = "live", value_parser = output_file::mcap)]
     mcap: Option<PathBuf>,

@@ -39,7 +39,8 @@ pub struct Outputs {
     #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
     depth_png: Option<PathBuf>,
 
-    /// Inputs of the network of --method net, made from the images, as a folder of arrays for numpy: train/README.md tells what they are
+    /// Inputs of the network of --method net, made from the images, as a folder of arrays for numpy: train/README.md tells what
+    /// they are
     #[arg(long, value_name = "DIR")]
     pub features: Option<PathBuf>,
 

@@ -142,8 +142,8 @@ impl Source {
     }
 }
 
-/// Returns the depth of the 16-bit images among files of one capture, in this order: that of the command line, the `known` one, or
-/// else a guess, which is said if it is below 16 bits. `None` if there are no 16-bit images.
+/// Returns the depth of the 16-bit images among files of one capture, in this order: that of the command line, the `known` one,
+/// or else a guess, which is said if it is below 16 bits. `None` if there are no 16-bit images.
 pub fn depth_of(bits: &BitsOption, known: Option<BitDepth>, paths: &[&Path]) -> Result<Option<BitDepth>> {
     if let Some(depth) = bits.bits.or(known) {
         return Ok(Some(depth));

@@ -1,6 +1,7 @@
-//! Builds the firmware, and measures what it takes of a board's memory.
+//! Builds the firmware, and measures what it takes of a board's memory: that of the emulated boards, and that of a Raspberry
+//! Pi Pico 2 with a HAL of its own, which has no board to run on here. Installs what building and running needs.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use multiscopic_edge::Profile;
 use object::{
     LittleEndian,
@@ -14,10 +15,25 @@ use std::{
 };
 
 use crate::{
-    emulation::emulated_board::EmulatedBoard,
-    system::{folders, process::run},
-    tools::toolchain::Toolchain,
+    emulation::emulated_board::{self, EmulatedBoard},
+    system::{self, run},
+    tools::{self, Toolchain},
 };
+
+/// Makes sure that every tool and target is installed.
+pub fn set_up() -> Result<Toolchain> {
+    for tool in &tools::ALL {
+        eprintln!("setup: {}", tool.install()?);
+    }
+    let toolchain = toolchain()?;
+    eprintln!("setup: {} from {toolchain}", emulated_board::targets().join(", "));
+    Ok(toolchain)
+}
+
+/// The toolchain for the boards with Arm processors.
+pub fn toolchain() -> Result<Toolchain> {
+    Toolchain::install(&emulated_board::targets()).context("setup: the Rust targets of the boards")
+}
 
 /// The environment variable with the folder of the set of frames that goes into flash.
 pub const FLASH_SET: &str = "MULTISCOPIC_FLASH_SET";
@@ -33,7 +49,7 @@ pub enum Program {
     Example(&'static str),
     /// An example, with the feature `array`.
     ArrayExample(&'static str),
-    /// An example with the [set of frames](folders::flash_set) in flash, which the feature `flash-set` is for.
+    /// An example with the [set of frames](system::flash_set) in flash, which the feature `flash-set` is for.
     FlashExample(&'static str),
 }
 
@@ -76,7 +92,7 @@ pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program
     let array = programs.iter().any(Program::is_for_array).then_some("array");
     let flash_set = programs.iter().any(|program| matches!(program, Program::FlashExample(_))).then_some("flash-set");
     cargo.args(board.feature.into_iter().chain(array).chain(flash_set).map(|feature| format!("--features={feature}")));
-    cargo.env(FLASH_SET, folders::flash_set());
+    cargo.env(FLASH_SET, system::flash_set());
     cargo.args(programs.iter().map(|program| match program {
         Program::Profile(name) | Program::ArrayProfile(name) => format!("--bin={name}"),
         Program::Example(name) | Program::ArrayExample(name) | Program::FlashExample(name) => format!("--example={name}"),
@@ -86,8 +102,8 @@ pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program
 
 /// Builds `programs` for `board`, and returns their paths.
 pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Result<Vec<PathBuf>> {
-    let built = folders::edge_target().join(board.target).join("firmware");
-    let kept = folders::edge_target().join("images").join(board.name);
+    let built = system::edge_target().join(board.target).join("firmware");
+    let kept = system::edge_target().join("images").join(board.name);
     fs::create_dir_all(&kept)?;
     // The feature changes the core for all programs that are built together.
     let (for_array, others): (Vec<Program>, Vec<Program>) = programs.iter().partition(|program| program.is_for_array());
@@ -158,4 +174,37 @@ fn measure(bytes: &[u8]) -> object::Result<Footprint> {
         }
     }
     Ok(footprint)
+}
+
+/// The manifest of the firmware for a Pico 2, in the workspace.
+pub const PICO2_MANIFEST: &str = "edge/pico2/Cargo.toml";
+
+/// The target of a Pico 2's processor.
+const PICO2_TARGET: &str = "thumbv8m.main-none-eabihf";
+
+/// Bytes of the RAM that its memory.x gives it.
+const PICO2_RAM: u64 = 512 * 1024;
+
+/// Bytes that have to be left for the stack: twice as much as that of the emulated boards.
+const PICO2_STACK: u64 = 16 * 1024;
+
+/// Lints the firmware for a Pico 2.
+pub fn lint_pico2(toolchain: &Toolchain) -> Result<()> {
+    run(pico2_cargo(toolchain, "clippy").args(["--", "-Dwarnings"]))
+}
+
+/// Links the firmware for a Pico 2 as its readme says, and fails if its statics leave too little RAM for the stack.
+pub fn build_pico2(toolchain: &Toolchain) -> Result<()> {
+    run(&mut pico2_cargo(toolchain, "build"))?;
+    let footprint = Footprint::of(&system::edge_target().join(PICO2_TARGET).join("release/multiscopic-pico2"))?;
+    ensure!(footprint.ram() + PICO2_STACK <= PICO2_RAM, "{footprint}: fewer than {PICO2_STACK} bytes are left for the stack");
+    println!("pico2: {footprint}, {} B left for the stack", PICO2_RAM - footprint.ram());
+    Ok(())
+}
+
+/// The cargo command `verb` in the folder of that firmware, whose configuration names the target and the processor.
+fn pico2_cargo(toolchain: &Toolchain, verb: &str) -> Command {
+    let mut cargo = toolchain.cargo(verb);
+    cargo.args(["--release", "--locked"]).current_dir(system::root().join("edge/pico2"));
+    cargo
 }

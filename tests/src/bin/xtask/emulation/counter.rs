@@ -9,10 +9,7 @@ use std::{
 };
 
 use crate::{
-    system::{
-        folders,
-        process::{read, run},
-    },
+    system::{self, read, run},
     tools,
 };
 
@@ -45,15 +42,15 @@ pub struct Instructions {
 impl Counter {
     /// Compiles the plugin.
     pub fn build() -> Result<Counter> {
-        let library = folders::edge_target().join("libcount.so");
+        let library = system::edge_target().join("libcount.so");
         let emulator = read(&mut tools::QEMU.install()?.command(&["--version"])?)?;
         let version = format!("-DQEMU_PLUGIN_VERSION={}", interface(&emulator)?);
         let mut cc = tools::CC.install()?.command(&["-O2", "-Wall", "-shared", "-fPIC", &version])?;
         if env::consts::OS == "macos" {
             cc.arg("-Wl,-undefined,dynamic_lookup");
         }
-        fs::create_dir_all(folders::edge_target())?;
-        run(cc.arg(folders::root().join("tests/emulator/count.c")).arg("-o").arg(&library))?;
+        fs::create_dir_all(system::edge_target())?;
+        run(cc.arg(system::root().join("tests/emulator/count.c")).arg("-o").arg(&library))?;
         let emulator = emulator.lines().next().unwrap_or_default().to_owned();
         Ok(Counter { library, emulator })
     }

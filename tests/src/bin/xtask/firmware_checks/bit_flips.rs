@@ -16,14 +16,13 @@ use std::{
 
 use crate::{
     emulation::{
-        self, Exit,
+        self, Debugger, Exit, Stop,
         build::{self, Program},
-        debugger::{Debugger, Stop},
         emulated_board::{EmulatedBoard, REFERENCE},
     },
     firmware_checks::frames::{self, ImageSet},
-    system::{folders, free_ports, in_parallel},
-    tools::toolchain::Toolchain,
+    system::{self, free_ports, in_parallel},
+    tools::Toolchain,
 };
 
 /// The board: the watchdog in the example is its own.
@@ -251,7 +250,7 @@ impl<'a> Target<'a> {
 
     /// An own folder with the frames.
     fn folder(&self, name: &str) -> Result<PathBuf> {
-        let folder = folders::edge_target().join("runs/bit_flips").join(name);
+        let folder = system::edge_target().join("runs/bit_flips").join(name);
         let _ = fs::remove_dir_all(&folder);
         self.images.write(&folder)?;
         Ok(folder)

@@ -16,9 +16,9 @@ use crate::{
         emulated_board::{self, EmulatedBoard},
     },
     firmware_checks::{frames::ImageSet, profiles},
-    system::folders,
-    timing::{self, disassembly::Disassembly},
-    tools::toolchain::Toolchain,
+    system,
+    timing::{self, Disassembly},
+    tools::Toolchain,
 };
 
 /// The profile whose cycles per instruction `multiscopic budget` uses.
@@ -115,7 +115,7 @@ fn costs(
     disassembly: &Disassembly,
     counter: &Counter,
 ) -> Result<BTreeMap<String, Cost>> {
-    let folder = folders::edge_target().join("runs").join("cycles").join(board.name).join(profile.name).join(fusion.name());
+    let folder = system::edge_target().join("runs").join("cycles").join(board.name).join(profile.name).join(fusion.name());
     ImageSet::demo(&profile.matching(fusion)).write(&folder)?;
     let plugin = format!("{},{}", counter.plugin(image)?, counter::TRACE_ARGUMENT);
     let exit = emulation::run(board, image, &[fusion.name()], &folder, Some(&plugin))?;
@@ -165,6 +165,6 @@ fn hold_ratios(ratios: &Counts, update: bool) -> Result<()> {
     let rounded = ratios.iter().map(|(processor, ratio)| (processor.clone(), (ratio * 1e2).round() / 1e2));
     let mut table = MEASURED.clone();
     table.cycles_per_instruction.extend(rounded);
-    fs::write(folders::root().join("host/src/target/measured.toml"), table.to_toml())?;
+    fs::write(system::root().join("host/src/target/measured.toml"), table.to_toml())?;
     Ok(())
 }

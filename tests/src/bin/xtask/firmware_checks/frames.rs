@@ -14,9 +14,11 @@ use multiscopic_core::{
 };
 use multiscopic_edge::{Matching, WholeLines, frame_file::FrameFile};
 use multiscopic_tests::test_images::{
+    ViewSet,
     core_match::StrictSource,
+    read_grey,
     real_data::{self, Dataset},
-    view_set::{ViewSet, read_grey, view_at},
+    view_at,
 };
 use std::{fs, path::Path};
 

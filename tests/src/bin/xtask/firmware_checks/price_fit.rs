@@ -17,8 +17,8 @@ use crate::{
         emulated_board::EmulatedBoard,
     },
     firmware_checks::frames::ImageSet,
-    system::{folders, in_parallel},
-    tools::toolchain::Toolchain,
+    system::{self, in_parallel},
+    tools::Toolchain,
 };
 
 /// The shape of a match that prices are fitted to.
@@ -214,7 +214,7 @@ impl Run<'_> {
     /// Counts its instructions.
     fn count(&self, board: &EmulatedBoard, firmware: &Calibrating, counter: &Counter) -> Result<Instructions> {
         let image = if self.matching.search().views().len() > 4 { &firmware.array } else { &firmware.few };
-        let folder: PathBuf = folders::edge_target().join("runs/price-fit").join(self.name(board));
+        let folder: PathBuf = system::edge_target().join("runs/price-fit").join(self.name(board));
         self.images.write(&folder)?;
         let arguments = self.arguments();
         let args: Vec<&str> = arguments.iter().map(String::as_str).collect();

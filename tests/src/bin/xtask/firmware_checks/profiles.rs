@@ -26,11 +26,8 @@ use crate::{
         frames::{self, ImageSet},
         price_fit, rectifying,
     },
-    system::{
-        folders, in_parallel,
-        process::{command, read},
-    },
-    tools::toolchain::Toolchain,
+    system::{self, command, in_parallel, read},
+    tools::Toolchain,
 };
 
 /// The largest error of the cost model, in percent.
@@ -48,8 +45,8 @@ type SampledProfile = (Profile, &'static [Fusion]);
 
 /// The runs of `cargo xtask test`: boards, and the profiles and fusion rules that run there.
 ///
-/// Each kernel matches blocks by each rule for which it has loops, semi-globally, and with eight views. What does not depend on the
-/// kernel runs on one board: column tiles, the prior, the network. `qvga` is built for the count of cycles too.
+/// Each kernel matches blocks by each rule for which it has loops, semi-globally, and with eight views. What does not depend on
+/// the kernel runs on one board: column tiles, the prior, the network. `qvga` is built for the count of cycles too.
 const SAMPLE: [(&EmulatedBoard, &[SampledProfile]); 5] = [
     (
         &emulated_board::REFERENCE,
@@ -122,8 +119,8 @@ impl Selection {
         fusions(profile).filter(|fusion| wanted(&self.fusion, fusion.name()) && is_in_sample(fusion)).collect()
     }
 
-    /// Returns true if a profile runs on a board: both are selected, and the board has enough RAM. The portable kernel, which every
-    /// other test runs too, has to show on RISC-V only that it works there.
+    /// Returns true if a profile runs on a board: both are selected, and the board has enough RAM. The portable kernel, which
+    /// every other test runs too, has to show on RISC-V only that it works there.
     fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
         let is_shown = [profile::QQVGA.name, profile::QVGA_TILED.name].contains(&profile.name);
         wanted(&self.board, board.name)
@@ -201,7 +198,7 @@ fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     })?;
     if selection.fit {
         note_ram(&mut table, &runs, &measurements);
-        fs::write(folders::root().join("host/src/target/measured.toml"), table.to_toml())?;
+        fs::write(system::root().join("host/src/target/measured.toml"), table.to_toml())?;
     }
     for (run, measurement) in runs.iter().zip(&mut measurements) {
         measurement.predict(run, &table);
@@ -293,7 +290,7 @@ impl Run {
     /// Runs the image and measures it. Fails unless its packets equal the host's.
     fn measure(&self, counter: &Counter) -> Result<Measurement> {
         let matching = self.profile.matching(self.fusion);
-        let folder = folders::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
+        let folder = system::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
         let images = ImageSet::tsukuba(&matching).unwrap_or_else(|| ImageSet::demo(&matching));
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;

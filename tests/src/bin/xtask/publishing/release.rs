@@ -15,11 +15,8 @@ use clap::Args;
 use serde_json::Value;
 
 use crate::{
-    system::{
-        folders,
-        process::{built, built_optimized_program, command, read, run},
-    },
-    tools::{self, toolchain},
+    system::{self, built, built_optimized_program, command, read, run},
+    tools,
 };
 
 const NAME: &str = concat!("multiscopic-", env!("CARGO_PKG_VERSION"));
@@ -53,7 +50,7 @@ impl Release {
             same(&archives, &self::archives(&program("release-build-in-another-folder")?, "publish-again")?)?;
             println!("release: built twice, the same bytes");
         }
-        let folder = folders::target().join("publish");
+        let folder = system::target().join("publish");
         let names = archives.iter().filter_map(|path| path.file_name()?.to_str());
         let sums = read(command("sha256sum", names).current_dir(&folder))?;
         fs::write(folder.join("SHA256SUMS"), sums.clone() + "\n")?;
@@ -72,7 +69,7 @@ pub fn check() -> Result<()> {
     let archives = archives(&program, "publish-check")?;
     same(&archives, &self::archives(&program, "publish-check-again")?)?;
     for archive in archives {
-        let unpacked = folders::target().join("publish-check/unpacked");
+        let unpacked = system::target().join("publish-check/unpacked");
         let _ = fs::remove_dir_all(&unpacked);
         fs::create_dir_all(&unpacked)?;
         let (archive_name, folder) = (archive.display().to_string(), unpacked.display().to_string());
@@ -104,20 +101,20 @@ pub fn check() -> Result<()> {
 /// Builds the program as users get it, without paths of this machine in it.
 fn program(folder: &str) -> Result<PathBuf> {
     let cargo_home = read(&mut command("sh", ["-c", "echo ${CARGO_HOME:-$HOME/.cargo}"]))?;
-    let flags = [(folders::root().display().to_string(), "/multiscopic"), (cargo_home, "/cargo")]
+    let flags = [(system::root().display().to_string(), "/multiscopic"), (cargo_home, "/cargo")]
         .map(|(from, to)| format!("--remap-path-prefix={from}={to}"));
     // The linker's names of symbols within the program have hashes of the folder.
     let flags = format!("{} -Cstrip=symbols", flags.join(" "));
-    let target = folders::target().join(folder).display().to_string();
+    let target = system::target().join(folder).display().to_string();
     let arguments = ["-pmultiscopic-cli", "--bin=multiscopic", "--release", "--locked", "--target-dir", &target];
     built("build", &arguments, "multiscopic", &[("RUSTFLAGS", flags)])
 }
 
 /// Archives `program` and what belongs to it in a folder of the target folder.
 fn archives(program: &Path, folder: &str) -> Result<Vec<PathBuf>> {
-    let folder = folders::target().join(folder);
+    let folder = system::target().join(folder);
     let _ = fs::remove_dir_all(&folder);
-    let name = format!("{NAME}-{}", toolchain::host()?);
+    let name = format!("{NAME}-{}", tools::host_target()?);
     let prefix = folder.join(&name);
     stage(program, &prefix)?;
     // The date of the commit, or of the package that this is built from.
@@ -150,7 +147,7 @@ fn stage(program: &Path, prefix: &Path) -> Result<()> {
     let program_name = program.display().to_string();
     copy(program, &installed)?;
     for document in DOCUMENTS {
-        copy(&folders::root().join(document), &prefix.join("share/doc/multiscopic").join(document))?;
+        copy(&system::root().join(document), &prefix.join("share/doc/multiscopic").join(document))?;
     }
     for (shell, path) in COMPLETIONS {
         let path = prefix.join(path);
@@ -207,7 +204,7 @@ fn binstall() -> Result<[String; 2]> {
     let metadata: Value = serde_json::from_str(&metadata)?;
     let packages = metadata["packages"].as_array().context("packages")?;
     let package = packages.iter().find(|package| package["name"] == "multiscopic-cli").context("the program's package")?;
-    let target = toolchain::host()?;
+    let target = tools::host_target()?;
     let value = |key| -> Result<String> {
         let template = package["metadata"]["binstall"][key].as_str().with_context(|| format!("no {key} for cargo binstall"))?;
         Ok(template.replace("{ version }", env!("CARGO_PKG_VERSION")).replace("{ target }", &target))

@@ -12,10 +12,7 @@ use serde_json::{Value, json};
 use syn::visit::{self, Visit};
 
 use crate::{
-    system::{
-        folders,
-        process::{command, read, run},
-    },
+    system::{self, command, read, run},
     tools,
 };
 
@@ -47,7 +44,7 @@ impl SupplyChain {
     /// Runs the checks.
     pub fn run(&self) -> Result<()> {
         let workspace = Metadata::read()?;
-        let document = fs::read_to_string(folders::root().join(DOCUMENT)).with_context(|| format!("cannot read {DOCUMENT}"))?;
+        let document = fs::read_to_string(system::root().join(DOCUMENT)).with_context(|| format!("cannot read {DOCUMENT}"))?;
         let mut complaints = differences("dependency", &workspace.direct(), &first_cells(&document, "## Direct dependencies"));
         complaints.extend(differences(
             "duplicate version",

@@ -1,19 +1,19 @@
-//! Checks that run no test: formatting, architecture, lints and documentation.
+//! Checks that run no test: formatting, architecture, lints, documentation, and the features of what builds depend on.
 
 use anyhow::{Result, anyhow, ensure};
-use std::process::Command;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    process::Command,
+};
 
 use crate::{
     emulation::{
         build,
         emulated_board::{self, EmulatedBoard},
     },
-    firmware_checks::{distorted_set::DistortedSet, pico2},
-    system::{
-        folders,
-        process::{command, read, run},
-    },
-    tools::toolchain::Toolchain,
+    firmware_checks::rectifying::DistortedSet,
+    system::{self, OPTIMIZED, OPTIMIZED_PROGRAM, PYTHON_PACKAGE, command, read, run},
+    tools::Toolchain,
 };
 
 /// The letters that are too many for the subject of a commit.
@@ -21,7 +21,7 @@ const MOST_LETTERS: usize = 72;
 
 /// Prints every violation of the architecture. Fails if there is one.
 pub fn architecture() -> Result<()> {
-    let violations = multiscopic_tests::architecture::check(folders::root()).map_err(|error| anyhow!("{error}"))?;
+    let violations = multiscopic_tests::architecture::check(system::root()).map_err(|error| anyhow!("{error}"))?;
     violations.iter().for_each(|violation| eprintln!("{violation}"));
     ensure!(violations.is_empty(), "{} violations of the architecture", violations.len());
     println!("architecture: no violations");
@@ -45,7 +45,7 @@ pub fn documentation() -> Result<()> {
 /// Checks the formatting of all workspaces.
 pub fn formatting() -> Result<()> {
     run(&mut cargo(&["fmt", "--all", "--check"]))?;
-    run(&mut cargo(&["fmt", "--check", "--manifest-path", pico2::MANIFEST]))
+    run(&mut cargo(&["fmt", "--check", "--manifest-path", build::PICO2_MANIFEST]))
 }
 
 /// Lints every crate for this machine.
@@ -79,14 +79,14 @@ pub fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
 
 /// Lints the libraries and the firmware for every Arm target.
 pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
-    DistortedSet::render()?.write(&folders::flash_set())?;
+    DistortedSet::render()?.write(&system::flash_set())?;
     // Examples of libraries run on this machine.
     let libraries = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers"].map(|package| format!("--package={package}"));
     let firmware = ["--package=multiscopic-firmware", "--features=multiscopic-firmware/flash-set", "--bins", "--examples"];
     emulated_board::targets().iter().try_for_each(|target| {
         let clippy = |arguments: &[&str]| {
             let mut clippy = toolchain.cargo("clippy");
-            clippy.env(build::FLASH_SET, folders::flash_set());
+            clippy.env(build::FLASH_SET, system::flash_set());
             run(clippy.args(["--target", target, "--lib"]).args(arguments).args(["--", "-Dwarnings"]))
         };
         clippy(&libraries.each_ref().map(String::as_str))?;
@@ -103,6 +103,78 @@ pub fn lints_for_risc_v() -> Result<()> {
     run(clippy.args(feature.map(|feature| format!("--features={feature}"))).args(["--", "-Dwarnings"]))
 }
 
+/// Packages that take a moment to build.
+const CHEAP: [&str; 1] = ["multiscopic-drivers"];
+
+/// The sets of features of each package, by name and version.
+type Features = BTreeMap<String, BTreeSet<String>>;
+
+/// Fails if a package has features in one build of the suite that it does not have in another.
+///
+/// Cargo builds a package again for other features, and then whatever depends on it. Which features a package has depends on what
+/// is built together: the runner alone, the program, the module for Python, or all tests.
+pub fn features() -> Result<()> {
+    let program = ["-pmultiscopic-cli", "-pmultiscopic-tests"];
+    let all = features_of(&["--workspace", "--edges=normal,build,dev"])?;
+    let mut complaints = Vec::new();
+    for (build, packages) in [
+        ("the runner", &["-pmultiscopic-tests"][..]),
+        ("the program in debug", &program),
+        ("the module for Python", &[&program[..], &["-p", PYTHON_PACKAGE]].concat()),
+    ] {
+        let own = features_of(&[packages, &["--edges=normal,build"]].concat())?;
+        complaints.extend(differences(build, &own, "the tests in debug", &all));
+    }
+    let tests = features_of(&[&OPTIMIZED[..], &["--edges=normal,build,dev"]].concat())?;
+    let program = features_of(&[&OPTIMIZED[..], &OPTIMIZED_PROGRAM, &["--edges=normal,build"]].concat())?;
+    complaints.extend(differences("the program in release", &program, "the tests in release", &tests));
+    ensure!(
+        complaints.is_empty(),
+        "packages are built twice; see the end of tests/Cargo.toml's dependencies:\n{}",
+        complaints.join("\n")
+    );
+    println!("features: every build of the suite asks for the same ones");
+    Ok(())
+}
+
+/// The packages that are part of two builds, with other features in the first.
+fn differences(build: &str, features: &Features, other_build: &str, others: &Features) -> Vec<String> {
+    let differs = |(package, own): (&String, &BTreeSet<String>)| {
+        let other = others.get(package)?;
+        let is_cheap = CHEAP.iter().any(|name| package.split(' ').next() == Some(name));
+        (!is_cheap && !own.is_subset(other)).then(|| format!("{package}: {own:?} for {build}, {other:?} for {other_build}"))
+    };
+    features.iter().filter_map(differs).collect()
+}
+
+/// The features of every package that a selection of packages is built from.
+fn features_of(selection: &[&str]) -> Result<Features> {
+    let words = ["tree", "--locked", "--target=x86_64-unknown-linux-gnu", "--prefix=none", "--format={p}|{f}"];
+    let tree = read(command("cargo", words).args(selection))?;
+    let mut features = Features::new();
+    // Lines such as `syn v2.0.119 (proc-macro)|default,full (*)`.
+    for (package, own) in tree.lines().filter_map(|line| line.trim_end_matches(" (*)").split_once('|')) {
+        let name = package.splitn(3, ' ').take(2).collect::<Vec<_>>().join(" ");
+        features.entry(name).or_default().insert(own.to_owned());
+    }
+    Ok(features)
+}
+
 fn cargo(args: &[&str]) -> Command {
     command("cargo", args)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packages_with_other_features_are_named() {
+        let features = |list: &[(&str, &str)]| -> Features {
+            list.iter().map(|(package, features)| (package.to_string(), [features.to_string()].into())).collect()
+        };
+        let all = features(&[("a v1", "x,y"), ("b v1", ""), ("multiscopic-drivers v0", "x")]);
+        let own = features(&[("a v1", "x"), ("b v1", ""), ("c v1", ""), ("multiscopic-drivers v0", "")]);
+        assert_eq!(differences("one", &own, "all", &all), [r#"a v1: {"x"} for one, {"x,y"} for all"#]);
+    }
 }

@@ -11,7 +11,7 @@ use std::{
     process::Command,
 };
 
-use crate::system::process::{command, read, run};
+use crate::system::{command, read, run};
 
 /// Debian's compiler, library sources, and lints.
 const COMPILER: [&str; 3] = ["rustc-web", "rust-web-src", "rust-web-clippy"];

@@ -4,11 +4,8 @@ use anyhow::{Context, Result, ensure};
 use std::{env, fs, path::Path, process::Command};
 
 use crate::{
-    system::{
-        folders,
-        process::{built_program, run},
-    },
-    tools::{self, toolchain::Toolchain},
+    system::{self, built_program, run},
+    tools::{self, Toolchain},
 };
 
 const TARGET: &str = "aarch64-unknown-linux-gnu";
@@ -56,7 +53,7 @@ fn emulate() -> Result<()> {
     run(cargo("test").args(["--", "engines_equal", "semi_global::"]))
         .context("a kernel of 64-bit Arm differs from the reference")?;
     println!("aarch64: every kernel equals the reference in the emulator");
-    let program = folders::edge_target().join(TARGET).join("debug/multiscopic");
+    let program = system::edge_target().join(TARGET).join("debug/multiscopic");
     same_maps(&|| {
         let mut command = emulator.command(&["-L", SYSROOT])?;
         command.arg(&program);
@@ -66,7 +63,7 @@ fn emulate() -> Result<()> {
 
 /// Compares what the whole program finds on the target, by each method, with what it finds on this machine.
 fn same_maps(emulated: &dyn Fn() -> Result<Command>) -> Result<()> {
-    let folder = folders::target().join("aarch64");
+    let folder = system::target().join("aarch64");
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let native = built_program()?;

@@ -12,10 +12,7 @@ use clap::Args;
 use multiscopic_tests::program::within;
 
 use super::sanitizing::{apart, instrumented};
-use crate::system::{
-    folders, in_parallel,
-    process::{command, run},
-};
+use crate::system::{self, command, in_parallel, run};
 
 /// Instruments code for libFuzzer: counters of edges, their table, and compared values; and for AddressSanitizer, which ends the
 /// program at an access outside of what was allocated.
@@ -49,8 +46,8 @@ pub struct Fuzzing {
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
 
-    /// Try so many random changes of the seeds, and of what earlier runs found, without instruments: ten times as fast or more, but
-    /// blind to what the inputs reach
+    /// Try so many random changes of the seeds, and of what earlier runs found, without instruments: ten times as fast or more,
+    /// but blind to what the inputs reach
     #[arg(long, value_name = "N", conflicts_with_all = ["minutes", "runs"])]
     blind: Option<u64>,
 }
@@ -90,8 +87,8 @@ impl Fuzzing {
     /// Fuzzes with the seeds of the repository and, unless the number of runs is given, with what was found earlier. New inputs
     /// are added to that.
     fn fuzz(&self, target: &str, program: &Path) -> Result<Outcome> {
-        let seeds = folders::root().join("fuzz/seeds").join(target);
-        let folder = folders::target().join("fuzz");
+        let seeds = system::root().join("fuzz/seeds").join(target);
+        let folder = system::target().join("fuzz");
         let corpus = if self.runs.is_some() { "corpus-of-runs" } else { "corpus" };
         let (found, failed) = (folder.join(corpus).join(target), folder.join("failures"));
         if self.runs.is_some() {
@@ -132,8 +129,8 @@ impl Fuzzing {
 /// Tries random changes of the seeds of the repository and of what was found earlier, in processes of [`PART`] at most, within
 /// the limit of memory.
 fn fuzz_blindly(target: &str, program: &Path, inputs: u64) -> Result<()> {
-    let seeds = folders::root().join("fuzz/seeds").join(target);
-    let found = Some(folders::target().join("fuzz/corpus").join(target)).filter(|folder| folder.is_dir());
+    let seeds = system::root().join("fuzz/seeds").join(target);
+    let found = Some(system::target().join("fuzz/corpus").join(target)).filter(|folder| folder.is_dir());
     let start = Instant::now();
     let count = inputs.div_ceil(PART).max(2);
     let parts: Vec<_> = (1..=count).map(|number| (number, inputs / count + u64::from(number <= inputs % count))).collect();
@@ -156,7 +153,7 @@ fn in_memory(mut target: Command) -> Command {
 
 /// The names of all targets, sorted. Each has a folder of seeds.
 fn targets() -> Result<Vec<String>> {
-    let folder = folders::root().join("fuzz/seeds");
+    let folder = system::root().join("fuzz/seeds");
     let entries = fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
     let names = entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
     let mut names: Vec<String> = names.collect::<Result<_>>()?;

@@ -5,7 +5,7 @@ use std::fs;
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 
-use crate::{system::folders, tools};
+use crate::{system, tools};
 
 /// The parts of the code to break.
 #[derive(Args)]
@@ -115,7 +115,7 @@ impl Mutating {
 
     /// Tries the mutants of a part, prints how many were noticed, and returns how many were not.
     fn try_mutants(&self, part: &Part) -> Result<u64> {
-        let folder = folders::target().join("mutants").join(part.name);
+        let folder = system::target().join("mutants").join(part.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let mut mutants = tools::MUTANTS.command()?;
         mutants.args(["--package", part.package, "--no-default-features", "--profile", "mutants"]);
@@ -129,7 +129,7 @@ impl Mutating {
         mutants.args(part.tests.iter().map(|test| format!("--cargo-arg={test}")));
         mutants.arg("--output").arg(&folder).args(["--", "--"]).args(part.words);
         // Each run copies the sources, but the dependencies need no other build.
-        mutants.env("CARGO_TARGET_DIR", folders::target().join("mutants/build"));
+        mutants.env("CARGO_TARGET_DIR", system::target().join("mutants/build"));
         // Without optimisation, tests take longer, and matching needs more stack than threads of tests have.
         mutants.env("MULTISCOPIC_EFFORT", "0.1").env("PROPTEST_CASES", "50").env("RUST_MIN_STACK", "100000000");
         let status = mutants.env("CARGO_INCREMENTAL", "1").status()?;

@@ -5,10 +5,7 @@ use std::{fs, path::Path};
 use anyhow::{Context, Result};
 
 use crate::{
-    system::{
-        folders,
-        process::{built_optimized_program, command, run},
-    },
+    system::{self, built_optimized_program, command, run},
     tools,
 };
 
@@ -20,7 +17,7 @@ const FILES: [&str; 7] =
 /// stay in `target/page/screenshots`.
 pub fn run_tests() -> Result<()> {
     let (browser, node, npm) = (tools::CHROMIUM.install()?, tools::NODE.install()?, tools::NPM.install()?);
-    let folder = folders::target().join("page");
+    let folder = system::target().join("page");
     let screenshots = folder.join("screenshots");
     fs::create_dir_all(&screenshots).with_context(|| format!("cannot make {}", screenshots.display()))?;
     install(&folder, npm.command(&["ci", "--ignore-scripts", "--no-audit", "--no-fund"])?.current_dir(&folder))?;
@@ -41,7 +38,7 @@ pub fn run_tests() -> Result<()> {
 
 /// Copies the test into `folder`, and installs its libraries unless they are there.
 fn install(folder: &Path, npm: &mut std::process::Command) -> Result<()> {
-    let sources = folders::root().join("tests/page");
+    let sources = system::root().join("tests/page");
     let lock = |folder: &Path| fs::read(folder.join("package-lock.json")).ok();
     let is_installed = folder.join("node_modules").is_dir() && lock(folder) == lock(&sources);
     for name in FILES {

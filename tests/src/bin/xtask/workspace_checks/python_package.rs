@@ -9,10 +9,7 @@ use std::{
 use anyhow::{Context, Result};
 
 use crate::{
-    system::{
-        folders,
-        process::{built_extension, built_program, command, run},
-    },
+    system::{self, built_extension, built_program, command, run},
     tools,
 };
 
@@ -41,7 +38,7 @@ pub fn test_extension() -> Result<()> {
     let _ = fs::remove_dir_all(&package);
     fs::create_dir_all(&package).with_context(|| format!("cannot make {}", package.display()))?;
     fs::copy(&library, package.join("multiscopic.abi3.so")).with_context(|| format!("cannot copy {}", library.display()))?;
-    fs::copy(folders::root().join("python/multiscopic.pyi"), package.join("__init__.pyi"))?;
+    fs::copy(system::root().join("python/multiscopic.pyi"), package.join("__init__.pyi"))?;
     fs::write(package.join("__init__.py"), INIT)?;
     fs::write(package.join("py.typed"), "")?;
     let environment = PythonEnvironment::install("environment", REQUIREMENTS)?;
@@ -71,14 +68,14 @@ pub fn wheels() -> Result<PathBuf> {
 
 /// The folder of environments and wheels.
 fn folder() -> PathBuf {
-    folders::target().join("python")
+    system::target().join("python")
 }
 
 impl PythonEnvironment {
     /// Makes the environment and installs what a file of requirements names, unless it is there.
     pub fn install(name: &str, requirements: &str) -> Result<PythonEnvironment> {
         let environment = PythonEnvironment { folder: folder().join(name) };
-        let wanted = fs::read(folders::root().join(requirements)).with_context(|| format!("cannot read {requirements}"))?;
+        let wanted = fs::read(system::root().join(requirements)).with_context(|| format!("cannot read {requirements}"))?;
         let installed = environment.folder.join("requirements.txt");
         if fs::read(&installed).is_ok_and(|installed| installed == wanted) {
             return Ok(environment);

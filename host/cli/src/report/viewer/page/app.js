@@ -170,7 +170,8 @@ export async function showScene(raw) {
   show(await decode(raw));
 }
 
-// Shows another map of the scene in the place of those before. What is looked at stays: the zoom, the cursor, and colours that were dragged.
+// Shows another map of the scene in the place of those before. What is looked at stays: the zoom, the cursor, and colours that
+// were dragged.
 export async function showMap(raw) {
   const target = scene;
   const map = await decodeMap(raw, target.width);

@@ -16,10 +16,7 @@ use std::{
 
 use self::shared_folder::{Daemon, SharedFolder, guide_block, kill_processes, parents};
 use crate::{
-    system::{
-        free_ports,
-        process::{built_program, command, read, run},
-    },
+    system::{built_program, command, free_ports, read, run},
     tools,
     workspace_checks::python_package::{PythonEnvironment, wheels},
 };

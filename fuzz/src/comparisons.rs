@@ -11,9 +11,9 @@ use multiscopic_core::{
 };
 use multiscopic_reference::{self as reference, Fusion, raw16, split_mix::Random};
 use multiscopic_tests::test_images::{
+    ViewSet,
     case::{Appearance, Case},
     core_match::{cut, matched_with_peaks, semi_global_params, semi_globally_matched_with_peaks},
-    view_set::ViewSet,
 };
 
 /// The longest side of an image.

@@ -1,14 +1,38 @@
-//! Runs other programs, and prints their command lines.
+//! The workspace's folders, and what runs beside this runner: other programs, whose command lines it prints, threads, and
+//! tasks of its own in the background.
 
 use anyhow::{Context, Result, bail, ensure};
 use std::{
-    path::PathBuf,
+    env,
+    fs::{self, File},
+    io, iter,
+    net::{Ipv4Addr, TcpListener},
+    path::{Path, PathBuf},
     process::{Child, Command, ExitStatus, Output, Stdio},
+    sync::Mutex,
     thread,
     time::{Duration, Instant},
 };
 
-use crate::system::folders;
+/// The workspace's root folder.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests are a folder of the workspace")
+}
+
+/// The folder of build results.
+pub fn target() -> PathBuf {
+    root().join(env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()))
+}
+
+/// The folder of firmware builds, which is separate because another toolchain may build it.
+pub fn edge_target() -> PathBuf {
+    target().join("edge")
+}
+
+/// The set of frames that firmware has in flash.
+pub fn flash_set() -> PathBuf {
+    edge_target().join("flash-set")
+}
 
 /// The crate of the Python package.
 pub const PYTHON_PACKAGE: &str = "multiscopic-python";
@@ -16,7 +40,7 @@ pub const PYTHON_PACKAGE: &str = "multiscopic-python";
 /// A command that runs in the workspace's root folder.
 pub fn command<S: AsRef<str>>(program: &str, args: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new(program);
-    command.args(args.into_iter().map(|arg| arg.as_ref().to_owned())).current_dir(folders::root());
+    command.args(args.into_iter().map(|arg| arg.as_ref().to_owned())).current_dir(root());
     command
 }
 
@@ -150,4 +174,77 @@ fn show(command: &Command) {
 fn name(command: &Command) -> String {
     let words = [command.get_program()].into_iter().chain(command.get_args().take(1));
     words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+}
+
+/// The number of emulators or other programs that run at once.
+const AT_A_TIME: usize = 2;
+
+/// Applies `work` to all `items` in parallel, and returns the results in order, or a failure.
+pub fn in_parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> Result<R> + Sync) -> Result<Vec<R>> {
+    let (next, done) = (Mutex::new(items.iter().enumerate()), Mutex::new(Vec::new()));
+    let take = || next.lock().expect("no thread panics here").next();
+    let run = || -> Result<()> {
+        while let Some((i, item)) = take() {
+            let result = work(item)?;
+            done.lock().expect("no thread panics here").push((i, result));
+        }
+        Ok(())
+    };
+    thread::scope(|scope| {
+        let workers: Vec<_> = (0..AT_A_TIME).map(|_| scope.spawn(run)).collect();
+        workers.into_iter().try_for_each(|worker| worker.join().expect("no thread panics here"))
+    })?;
+    let mut done = done.into_inner().expect("no thread panics here");
+    done.sort_by_key(|&(i, _)| i);
+    Ok(done.into_iter().map(|(_, result)| result).collect())
+}
+
+/// As many ports that nothing listens at as are asked for. Whoever is to listen at them should do so soon.
+pub fn free_ports<const N: usize>() -> Result<[u16; N]> {
+    // All are held before any is let go, so that each is another one.
+    let listeners = iter::repeat_with(|| TcpListener::bind((Ipv4Addr::LOCALHOST, 0))).take(N).collect::<io::Result<Vec<_>>>()?;
+    let ports = listeners.iter().map(|listener| Ok(listener.local_addr()?.port())).collect::<io::Result<Vec<u16>>>()?;
+    Ok(ports.try_into().expect("as many as were asked for"))
+}
+
+/// `cargo xtask` with a task, in the background.
+pub struct BackgroundTask {
+    task: &'static str,
+    child: Child,
+    log: PathBuf,
+}
+
+impl BackgroundTask {
+    /// Starts a task, by its name and arguments, with what others leave of the processors. Its output goes to `target/TASK.log`.
+    pub fn start(arguments: &[&'static str]) -> Result<BackgroundTask> {
+        let task = *arguments.first().context("a task")?;
+        let log = target().join(format!("{task}.log"));
+        let file = File::create(&log).with_context(|| format!("cannot write {}", log.display()))?;
+        let runner = env::current_exe().context("this runner's path")?;
+        let mut command = if cfg!(unix) { Command::new("nice") } else { Command::new(&runner) };
+        if cfg!(unix) {
+            command.args(["-n", "10"]).arg(&runner);
+        }
+        let child = command.args(arguments).stdout(file.try_clone()?).stderr(file).spawn();
+        let child = child.with_context(|| format!("cannot start {}", runner.display()))?;
+        println!("{task} runs in the background: {}", log.display());
+        Ok(BackgroundTask { task, child, log })
+    }
+
+    /// Waits for its end, and prints its output; fails unless it succeeded.
+    pub fn finish(mut self) -> Result<()> {
+        let status = self.child.wait()?;
+        let output = fs::read(&self.log).with_context(|| format!("cannot read {}", self.log.display()))?;
+        println!("{}", String::from_utf8_lossy(&output));
+        ensure!(status.success(), "{} failed ({status})", self.task);
+        Ok(())
+    }
+}
+
+impl Drop for BackgroundTask {
+    /// Ends it, if another step failed before.
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
 }

@@ -141,14 +141,14 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Sanitize(sanitizing) => sanitizing.run_tests(),
         Task::Miri => sanitizing::run_tests_in_miri(),
         Task::Mutants(mutating) => mutating.run(),
-        Task::NoPanic => firmware_checks::no_panic(&build::set_up()?),
+        Task::NoPanic => firmware_checks::no_panic(&build::set_up()?, true),
         Task::Pico2 => {
             let toolchain = build::set_up()?;
             build::lint_pico2(&toolchain)?;
             build::build_pico2(&toolchain)
         }
         Task::Capture => firmware_checks::captures(&build::set_up()?),
-        Task::Faults => firmware_checks::faults(&build::set_up()?),
+        Task::Faults => firmware_checks::faults(&build::set_up()?, true),
         Task::Flips(flips) => flips.run(&build::set_up()?),
         Task::Cycles(accounting) => accounting.run(&build::set_up()?),
         Task::Edge(selection) => profiles::run(&build::set_up()?, &selection),

@@ -61,6 +61,15 @@ const COMPUTATIONS: [&str; 5] = ["--lib", "--test=matching", "--test=methods", "
 const OTHER_COMPUTATIONS: [&str; 4] = ["-pmultiscopic-edge", "--lib", "--test=outside_bytes", "--test=rectified_lines"];
 /// The tests of the program, of which debug leaves out what takes minutes there.
 const PROGRAM: [&str; 2] = ["--test=commands", "--test=capture"];
+/// Those that take half of the time even in release, each with what else tests its subject.
+const LONGEST: [(&str, &str); 6] = [
+    ("edge_commands::simulations::every_other_profile_is_simulated", "small_profiles_are_simulated"),
+    ("edge_commands::simulations::long_baselines_are_simulated_like_the_references", "small_profiles_are_simulated"),
+    ("command_line::memory_demand::alignments_take_what_they_announce", "matches_take_what_they_announce"),
+    ("lenses::distorted_images_match_as_those_without_distortion", "a_lens_is_recovered_with_its_uncertainty"),
+    ("lenses::lens_calibration::wide_angles_have_models_of_their_own", "a_lens_is_recovered_with_its_uncertainty"),
+    ("lenses::lens_calibration::poses_that_do_not_tell_the_lens_are_refused", "boards_half_out_of_view_serve_or_are_refused"),
+];
 
 /// The static checks.
 const LINT: [Step; 9] = [
@@ -76,16 +85,17 @@ const LINT: [Step; 9] = [
 ];
 
 /// The tests on this machine. Those that need the same build are beside each other.
-const TESTS: [Step; 27] = [
+const TESTS: [Step; 28] = [
     Step { name: "tests in debug", scope: Test, run: tests_in_debug },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
     Step { name: "the published packages, packed", scope: Sample, run: publishing::pack_crates },
     Step { name: "computations in release", scope: Test, run: || run_optimized_tests(&COMPUTATIONS) },
-    Step { name: "long tests in release", scope: Test, run: long_tests },
+    Step { name: "long tests in release", scope: Sample, run: || long_tests(false) },
     Step { name: "archives of the program", scope: Test, run: release::check },
     Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
     Step { name: "cameras in a virtual machine", scope: Test, run: machine::run_camera_tests },
+    Step { name: "the longest tests in release too", scope: All, run: || long_tests(true) },
     Step { name: "other computations in release", scope: All, run: || run_optimized_tests(&OTHER_COMPUTATIONS) },
     Step { name: "lints without features", scope: All, run: static_checks::lints_without_features },
     Step { name: "the Python wheel", scope: All, run: python_package::test_wheel },
@@ -107,17 +117,19 @@ const TESTS: [Step; 27] = [
 ];
 
 /// The tests of the firmware, and of the libraries as firmware depends on them.
-const FIRMWARE: [Step; 12] = [
+const FIRMWARE: [Step; 14] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
     Step { name: "lints for the Pico 2", scope: All, run: || build::lint_pico2(&arm()?) },
     Step { name: "the firmware for the Pico 2", scope: All, run: || build::build_pico2(&arm()?) },
     Step { name: "the kernels on each processor", scope: All, run: || firmware_checks::kernels(&arm()?) },
     Step { name: "firmware, a sample", scope: Sample, run: || profiles::run(&arm()?, &Selection::sample()) },
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
-    Step { name: "the firmware's cycles", scope: Test, run: || Accounting::compare().run(&arm()?) },
+    Step { name: "the firmware's cycles", scope: All, run: || Accounting::compare().run(&arm()?) },
     Step { name: "the firmware that captures", scope: Test, run: || firmware_checks::captures(&arm()?) },
-    Step { name: "the firmware's faults", scope: Test, run: || firmware_checks::faults(&arm()?) },
-    Step { name: "no panics", scope: Test, run: || firmware_checks::no_panic(&arm()?) },
+    Step { name: "the firmware's faults", scope: Sample, run: || firmware_checks::faults(&arm()?, false) },
+    Step { name: "the firmware's faults on each board", scope: All, run: || firmware_checks::faults(&arm()?, true) },
+    Step { name: "no panics, a sample", scope: Sample, run: || firmware_checks::no_panic(&arm()?, false) },
+    Step { name: "no panics", scope: All, run: || firmware_checks::no_panic(&arm()?, true) },
     Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },
     Step { name: "many flipped bits", scope: All, run: || BitFlips::many().run(&arm()?) },
 ];
@@ -209,12 +221,16 @@ fn run_tests(program: &Path, selection: &[&str]) -> Result<()> {
     run(cargo(&["test", "--no-fail-fast"]).args(selection).env("MULTISCOPIC_BINARY", program))
 }
 
-/// Runs in release the tests of the program that debug leaves out.
-fn long_tests() -> Result<()> {
+/// Runs in release the tests of the program that debug leaves out, with or without the longest.
+fn long_tests(with_longest: bool) -> Result<()> {
     let list = ["--quiet", "--", "--list", "--ignored", "--format=terse"];
     let list = read(cargo(&["test"]).args(TESTED).args(PROGRAM).args(list))?;
-    let names: Vec<&str> = list.lines().filter_map(|line| line.strip_suffix(": test")).collect();
-    ensure!(!names.is_empty(), "debug leaves out no test of the program");
+    let mut names: Vec<&str> = list.lines().filter_map(|line| line.strip_suffix(": test")).collect();
+    for (longest, instead) in LONGEST {
+        let is_there = names.contains(&longest) && names.iter().any(|name| name.ends_with(instead));
+        ensure!(is_there, "debug does not leave out {longest} or {instead}");
+    }
+    names.retain(|name| with_longest || LONGEST.iter().all(|(longest, _)| name != longest));
     run_optimized_tests(&[&PROGRAM[..], &["--", "--exact"], &names].concat())
 }
 

@@ -163,19 +163,18 @@ fn same(path: &Path, params: &BlockMatchingParams, expected: &[Option<Disparity>
     frames::same(&frames::whole(&bytes, path, params.search())?.disparities, expected)
 }
 
-/// Runs firmware that must fail.
-pub fn faults(toolchain: &Toolchain) -> Result<()> {
-    too_large(toolchain)?;
+/// Runs firmware that must fail: on all boards, or on the reference board alone.
+pub fn faults(toolchain: &Toolchain, on_all: bool) -> Result<()> {
+    let boards = if on_all { &emulated_board::ARM[..] } else { &[emulated_board::REFERENCE] };
+    too_large(toolchain, boards)?;
     two_boards(toolchain)?;
-    for board in &emulated_board::ARM {
-        stack_overflow(toolchain, board)?;
-    }
+    boards.iter().try_for_each(|board| stack_overflow(toolchain, board))?;
     bad_input(toolchain, &emulated_board::REFERENCE)
 }
 
 /// An image that needs more RAM than the board has must not link.
-fn too_large(toolchain: &Toolchain) -> Result<()> {
-    for board in &emulated_board::ARM {
+fn too_large(toolchain: &Toolchain, boards: &[EmulatedBoard]) -> Result<()> {
+    for board in boards {
         let output = system::read_failure(&mut build::command(toolchain, board, &[Program::Example("too_large")]))?;
         let reason = output.lines().find(|line| line.contains("will not fit in region 'RAM': overflowed by"));
         let reason = reason.with_context(|| format!("too_large for {} was refused for another reason:\n{output}", board.name))?;
@@ -197,14 +196,17 @@ fn two_boards(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
-/// Links the matcher alone for every target, which fails if any path leads to a panic.
-pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
-    for board in emulated_board::ARM.iter().filter(|board| [emulated_board::REFERENCE.name, "an547"].contains(&board.name)) {
-        for (program, views) in [(Program::Example("no_panic"), "four"), (Program::ArrayExample("no_panic"), "eight")] {
-            system::run(&mut build::command(toolchain, board, &[program]))
-                .with_context(|| format!("the matcher of up to {views} views can panic on a {}", board.core))?;
-            println!("faults: {}: the matcher of up to {views} views cannot panic", board.name);
-        }
+/// Links the matcher alone, which fails if any path leads to a panic: with all views for both Arm targets, or each once.
+pub fn no_panic(toolchain: &Toolchain, with_all: bool) -> Result<()> {
+    let few = (Program::Example("no_panic"), "four");
+    let many = (Program::ArrayExample("no_panic"), "eight");
+    let (reference, vectors) = (&emulated_board::REFERENCE, &emulated_board::VECTORS);
+    let sample = [(reference, few), (vectors, many)];
+    let rest = [(reference, many), (vectors, few)];
+    for (board, (program, views)) in sample.into_iter().chain(rest.into_iter().filter(|_| with_all)) {
+        system::run(&mut build::command(toolchain, board, &[program]))
+            .with_context(|| format!("the matcher of up to {views} views can panic on a {}", board.core))?;
+        println!("faults: {}: the matcher of up to {views} views cannot panic", board.name);
     }
     Ok(())
 }

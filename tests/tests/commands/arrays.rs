@@ -204,6 +204,7 @@ fn median_error(rig: &Path, truth: &[f32]) -> f32 {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn the_accuracy_asked_for_moves_the_camera_farther() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);

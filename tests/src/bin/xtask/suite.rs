@@ -85,7 +85,7 @@ const LINT: [Step; 9] = [
 ];
 
 /// The tests on this machine. Those that need the same build are beside each other.
-const TESTS: [Step; 28] = [
+const TESTS: [Step; 27] = [
     Step { name: "tests in debug", scope: Test, run: tests_in_debug },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
     Step { name: "the published packages, packed", scope: Sample, run: publishing::pack_crates },
@@ -94,7 +94,6 @@ const TESTS: [Step; 28] = [
     Step { name: "archives of the program", scope: Test, run: release::check },
     Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
-    Step { name: "cameras in a virtual machine", scope: Test, run: machine::run_camera_tests },
     Step { name: "the longest tests in release too", scope: All, run: || long_tests(true) },
     Step { name: "other computations in release", scope: All, run: || run_optimized_tests(&OTHER_COMPUTATIONS) },
     Step { name: "lints without features", scope: All, run: static_checks::lints_without_features },
@@ -116,8 +115,8 @@ const TESTS: [Step; 28] = [
     Step { name: "mutants of the selection", scope: All, run: || Mutating::of("selection").run() },
 ];
 
-/// The tests of the firmware, and of the libraries as firmware depends on them.
-const FIRMWARE: [Step; 14] = [
+/// The tests in emulators: of the firmware, of the libraries as firmware depends on them, and of cameras.
+const EMULATED: [Step; 15] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
     Step { name: "lints for the Pico 2", scope: All, run: || build::lint_pico2(&arm()?) },
     Step { name: "the firmware for the Pico 2", scope: All, run: || build::build_pico2(&arm()?) },
@@ -132,10 +131,12 @@ const FIRMWARE: [Step; 14] = [
     Step { name: "no panics", scope: All, run: || firmware_checks::no_panic(&arm()?, true) },
     Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },
     Step { name: "many flipped bits", scope: All, run: || BitFlips::many().run(&arm()?) },
+    // By then the steps beside these have built the program in release, which the machine runs.
+    Step { name: "cameras in a virtual machine", scope: Test, run: machine::run_camera_tests },
 ];
 
-/// The step of `test` that waits for the tests of the firmware.
-const WAITING: &str = "the firmware, in the background";
+/// The step of `test` that waits for the tests in emulators.
+const WAITING: &str = "emulators, in the background";
 
 /// The disk space and time that the suites take, as measured on two processors.
 const LINT_NEEDS: Needs = Needs { command: "cargo xtask lint", disk_gib: 2.5, minutes: 6 };
@@ -152,25 +153,25 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Every test of this extent. Those of the firmware run in the background: their compilers and emulators use one processor at
+    /// Every test of this extent. Those in emulators run in the background: their compilers and emulators use one processor at
     /// a time.
     pub fn test(self) -> Result<()> {
         let needs = if self.all { ALL_NEEDS } else { TEST_NEEDS };
         needs.check()?;
         let mut report = Report::default();
         report.step("setup", || build::set_up().map(drop));
-        let arguments = iter::once("firmware").chain(self.all.then_some("--all"));
-        let firmware = BackgroundTask::start(&arguments.collect::<Vec<_>>())?;
+        let arguments = iter::once("emulated").chain(self.all.then_some("--all"));
+        let emulated = BackgroundTask::start(&arguments.collect::<Vec<_>>())?;
         report.run(self.steps(&TESTS));
-        report.step(WAITING, || firmware.finish());
+        report.step(WAITING, || emulated.finish());
         report.finish()
     }
 
-    /// Every test of the firmware of this extent.
-    pub fn firmware(self) -> Result<()> {
+    /// Every test in an emulator of this extent.
+    pub fn emulated(self) -> Result<()> {
         let mut report = Report::default();
         report.step("setup", || build::set_up().map(drop));
-        report.run(self.steps(&FIRMWARE));
+        report.run(self.steps(&EMULATED));
         report.finish()
     }
 
@@ -272,7 +273,7 @@ mod tests {
     fn the_guide_lists_every_step() {
         let guide = fs::read_to_string(system::root().join("docs/testing.md")).expect("the guide");
         for (heading, steps) in
-            [("## Lint\n", &LINT[..]), ("## Tests on this machine\n", &TESTS), ("## Tests of the firmware\n", &FIRMWARE)]
+            [("## Lint\n", &LINT[..]), ("## Tests on this machine\n", &TESTS), ("## Tests in emulators\n", &EMULATED)]
         {
             let suites = |scope| match scope {
                 Test => "`test`",

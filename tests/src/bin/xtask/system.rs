@@ -215,17 +215,13 @@ pub struct BackgroundTask {
 }
 
 impl BackgroundTask {
-    /// Starts a task, by its name and arguments, with what others leave of the processors. Its output goes to `target/TASK.log`.
+    /// Starts a task, by its name and arguments. Its output goes to `target/TASK.log`.
     pub fn start(arguments: &[&'static str]) -> Result<BackgroundTask> {
         let task = *arguments.first().context("a task")?;
         let log = target().join(format!("{task}.log"));
         let file = File::create(&log).with_context(|| format!("cannot write {}", log.display()))?;
         let runner = env::current_exe().context("this runner's path")?;
-        let mut command = if cfg!(unix) { Command::new("nice") } else { Command::new(&runner) };
-        if cfg!(unix) {
-            command.args(["-n", "10"]).arg(&runner);
-        }
-        let child = command.args(arguments).stdout(file.try_clone()?).stderr(file).spawn();
+        let child = Command::new(&runner).args(arguments).stdout(file.try_clone()?).stderr(file).spawn();
         let child = child.with_context(|| format!("cannot start {}", runner.display()))?;
         println!("{task} runs in the background: {}", log.display());
         Ok(BackgroundTask { task, child, log })

@@ -47,6 +47,7 @@ fn shell_lines(text: &str) -> Vec<String> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn commands_of_the_readme_work() {
     let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../README.md")).expect("the README");
     let dir = tempfile::tempdir().expect("a folder");

@@ -31,6 +31,7 @@ fn confidences(path: &str) -> Vec<u8> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn the_commands_of_the_guides_run() {
     let dir = folder();
     let run = |words: &[&str]| {

@@ -277,6 +277,7 @@ fn cubic(image: &[f64], [x, y]: [f64; 2]) -> f64 {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn distortion_and_misalignment_go_out_in_one_step_of_16_bits() {
     let folder = tempfile::tempdir().expect("a folder");
     let images = write_deep_rig(folder.path(), 1.5, |wave| 30000.0 + 28000.0 * wave);

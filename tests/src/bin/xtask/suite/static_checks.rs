@@ -77,6 +77,9 @@ pub fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
     )
 }
 
+/// The profile that `test` builds firmware with, which then needs no other macros and build scripts than the lints.
+const AS_FIRMWARE: [&str; 2] = ["--profile", "firmware"];
+
 /// Lints the libraries and the firmware for every Arm target.
 pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     DistortedSet::render()?.write(&system::flash_set())?;
@@ -87,7 +90,7 @@ pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
         let clippy = |arguments: &[&str]| {
             let mut clippy = toolchain.cargo("clippy");
             clippy.env(build::FLASH_SET, system::flash_set());
-            run(clippy.args(["--target", target, "--lib"]).args(arguments).args(["--", "-Dwarnings"]))
+            run(clippy.args(AS_FIRMWARE).args(["--target", target, "--lib"]).args(arguments).args(["--", "-Dwarnings"]))
         };
         clippy(&libraries.each_ref().map(String::as_str))?;
         clippy(&firmware)
@@ -99,7 +102,7 @@ pub fn lints_for_risc_v() -> Result<()> {
     let EmulatedBoard { target, feature, .. } = &emulated_board::RISC_V;
     let mut clippy = Toolchain::install(&[target])?.cargo("clippy");
     // Of the examples, some use registers of Arm.
-    clippy.args(["--target", target, "--package=multiscopic-firmware", "--lib", "--bins"]);
+    clippy.args(AS_FIRMWARE).args(["--target", target, "--package=multiscopic-firmware", "--lib", "--bins"]);
     run(clippy.args(feature.map(|feature| format!("--features={feature}"))).args(["--", "-Dwarnings"]))
 }
 

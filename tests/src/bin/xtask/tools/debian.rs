@@ -6,12 +6,12 @@
 
 use anyhow::{Context, Result, ensure};
 use std::{
-    fs,
+    fs::{self, File},
     path::{Path, PathBuf},
     process::Command,
 };
 
-use crate::system::{command, read, run};
+use crate::system::{self, command, read, run};
 
 /// Debian's compiler, library sources, and lints.
 const COMPILER: [&str; 3] = ["rustc-web", "rust-web-src", "rust-web-clippy"];
@@ -31,13 +31,21 @@ pub fn can_install() -> bool {
 
 /// Updates the package lists.
 pub fn update() -> Result<()> {
-    run(&mut apt_get(&["update"]))
+    run_alone(&mut apt_get(&["update"]))
 }
 
 /// Installs `packages` without removing any.
 pub fn install(packages: &[&str]) -> Result<()> {
     update()?;
-    run(apt_get(&["install", "-y", "--no-install-recommends", "--no-remove"]).args(packages))
+    run_alone(apt_get(&["install", "-y", "--no-install-recommends", "--no-remove"]).args(packages))
+}
+
+/// Runs a command that holds apt's locks while no other task of the runner does. apt would not wait for them.
+fn run_alone(command: &mut Command) -> Result<()> {
+    let path = system::target().join("apt.lock");
+    let lock = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+    lock.lock().with_context(|| format!("cannot lock {}", path.display()))?;
+    run(command)
 }
 
 /// Unpacks `packages` and their missing dependencies into `folder`, for systems on which they cannot be

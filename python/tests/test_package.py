@@ -4,6 +4,7 @@ import _thread
 import ast
 import doctest
 import inspect
+import signal
 import sys
 import threading
 import time
@@ -205,6 +206,15 @@ def test_other_threads_run_while_it_matches():
     assert turns > 20
 
 
+@pytest.fixture
+def control_c():
+    """Control-C as in a terminal: the background jobs of a shell ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("control_c")
 def test_control_c_ends_it():
     image = np.kron(GRAY, np.ones((8, 8), np.uint8))
     timer = threading.Timer(0.5, _thread.interrupt_main)

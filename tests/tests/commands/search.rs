@@ -1,4 +1,4 @@
-//! Where `match` searches: in the range that `--auto-range` finds, of which it warns where it does not fit, and in rigs with
+//! The search of `match`: in the range that `--auto-range` finds, of which it warns where it does not fit, and in rigs with
 //! several baselines from short to long, around a prior, as the references do.
 
 use multiscopic::{

@@ -1,7 +1,7 @@
 //! AVX-512.
 //!
 //! Unsafe code is sound here by the token: only [`Avx512::new`], which is unsafe, makes one, and only a token makes a vector.
-//! Where either is, the processor has AVX-512. Loads and stores need no alignment.
+//! Either proves that the processor has AVX-512. Loads and stores need no alignment.
 #![allow(unsafe_code)]
 
 use core::arch::x86_64::*;

@@ -27,7 +27,7 @@ mod workspace_checks;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-use emulation::build;
+use emulation::{build, emulated_board};
 use firmware_checks::{bit_flips, cycles, profiles};
 use publishing::{release, supply_chain};
 use suite::Extent;
@@ -148,7 +148,7 @@ fn run(task: Task) -> anyhow::Result<()> {
             build::build_pico2(&toolchain)
         }
         Task::Capture => firmware_checks::captures(&build::set_up()?),
-        Task::Faults => firmware_checks::faults(&build::set_up()?, true),
+        Task::Faults => firmware_checks::faults(&build::set_up()?, &emulated_board::ARM),
         Task::Flips(flips) => flips.run(&build::set_up()?),
         Task::Cycles(accounting) => accounting.run(&build::set_up()?),
         Task::Edge(selection) => profiles::run(&build::set_up()?, &selection),

@@ -11,7 +11,7 @@ use std::{iter, path::Path};
 
 use crate::{
     counts::Guard,
-    emulation::build,
+    emulation::{build, emulated_board},
     firmware_checks::{
         self,
         bit_flips::BitFlips,
@@ -125,8 +125,12 @@ const EMULATED: [Step; 15] = [
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
     Step { name: "the firmware's cycles", scope: All, run: || Accounting::compare().run(&arm()?) },
     Step { name: "the firmware that captures", scope: Test, run: || firmware_checks::captures(&arm()?) },
-    Step { name: "the firmware's faults", scope: Sample, run: || firmware_checks::faults(&arm()?, false) },
-    Step { name: "the firmware's faults on each board", scope: All, run: || firmware_checks::faults(&arm()?, true) },
+    Step { name: "the firmware's faults", scope: Sample, run: || firmware_checks::faults(&arm()?, &[emulated_board::REFERENCE]) },
+    Step {
+        name: "the firmware's faults on each board",
+        scope: All,
+        run: || firmware_checks::faults(&arm()?, &emulated_board::ARM),
+    },
     Step { name: "no panics, a sample", scope: Sample, run: || firmware_checks::no_panic(&arm()?, false) },
     Step { name: "no panics", scope: All, run: || firmware_checks::no_panic(&arm()?, true) },
     Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },

@@ -163,9 +163,8 @@ fn same(path: &Path, params: &BlockMatchingParams, expected: &[Option<Disparity>
     frames::same(&frames::whole(&bytes, path, params.search())?.disparities, expected)
 }
 
-/// Runs firmware that must fail: on all boards, or on the reference board alone.
-pub fn faults(toolchain: &Toolchain, on_all: bool) -> Result<()> {
-    let boards = if on_all { &emulated_board::ARM[..] } else { &[emulated_board::REFERENCE] };
+/// Runs firmware that must fail: what differs between boards on `boards`, the rest on the reference board.
+pub fn faults(toolchain: &Toolchain, boards: &[EmulatedBoard]) -> Result<()> {
     too_large(toolchain, boards)?;
     two_boards(toolchain)?;
     boards.iter().try_for_each(|board| stack_overflow(toolchain, board))?;

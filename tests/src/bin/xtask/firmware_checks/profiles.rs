@@ -126,9 +126,10 @@ impl Selection {
             && !self.fusions(board, profile).is_empty()
     }
 
-    /// Returns true if the firmware that rectifies runs on a board.
+    /// Returns true if the firmware that rectifies runs on a board: in the sample on one, since it does not depend on the kernel.
     fn rectifies_on(&self, board: &EmulatedBoard) -> bool {
-        wanted(&self.board, board.name)
+        (!self.sample || board.name == emulated_board::REFERENCE.name)
+            && wanted(&self.board, board.name)
             && wanted(&self.profile, rectifying::NAME)
             && wanted(&self.fusion, rectifying::FUSION.name())
     }
@@ -175,8 +176,8 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     if selection.profile.as_deref() != Some(rectifying::NAME) {
         run_profiles(toolchain, selection)?;
     }
-    let boards = [&emulated_board::REFERENCE, &emulated_board::VECTORS].into_iter().take(if selection.sample { 1 } else { 2 });
-    let boards: Vec<_> = boards.filter(|board| selection.rectifies_on(board)).collect();
+    let boards = [&emulated_board::REFERENCE, &emulated_board::VECTORS];
+    let boards: Vec<_> = boards.into_iter().filter(|board| selection.rectifies_on(board)).collect();
     let is_chosen = selection.profile.as_deref() == Some(rectifying::NAME);
     ensure!(!(is_chosen && boards.is_empty()), "{} runs on nrf52840 and an547, with min", rectifying::NAME);
     if boards.is_empty() { Ok(()) } else { rectifying::run(toolchain, &boards, selection.update) }

@@ -13,9 +13,11 @@
 //! | [`networks`] | MC-CNN |
 //! | `network_inputs` | the inputs of the disparity network |
 //! | `disparity_network` | the disparity network |
+//! | [`board_photos`] | photos of a board through a lens |
 
 mod around_prior;
 mod block_matching;
+pub mod board_photos;
 mod disparity_network;
 pub mod energy;
 mod images;

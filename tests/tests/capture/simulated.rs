@@ -43,6 +43,7 @@ fn median_errors(folder: &Path) -> [f64; 2] {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_perfect_rig_sees_the_scene_of_the_demo() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("rig");
@@ -58,6 +59,7 @@ fn a_perfect_rig_sees_the_scene_of_the_demo() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn programs_are_told_what_was_captured() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("live");
@@ -117,6 +119,7 @@ fn a_stage_that_errs_moves_the_views() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn frames_are_kept_if_the_stage_stops_on_its_way_back() {
     let dir = tempfile::tempdir().unwrap();
     let (errors, rig) = (dir.path().join("errors.toml"), dir.path().join("rig"));

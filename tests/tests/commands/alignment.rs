@@ -69,6 +69,7 @@ fn strokes(group: &str) -> Vec<[f64; 4]> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_page_shows_the_epipolar_errors_of_a_known_roll() {
     // A plane at one disparity, and cameras that are turned about the middle of the image.
     const DISPARITY: f64 = 4.25;

@@ -162,6 +162,7 @@ fn captured(options: &str) -> Vec<String> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn any_layout_is_taken() {
     assert_eq!(captured("--baseline 20 --layout 3x1"), ["bottom", "top"]);
     assert_eq!(captured("--baseline 20 --layout cross"), ["bottom", "left", "right", "top"]);

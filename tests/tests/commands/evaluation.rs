@@ -272,6 +272,7 @@ fn least_squares(disparities: &[f64], [width, height]: [usize; 2], focal_px: f64
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_slanted_wall_is_measured() {
     let dir = tempfile::tempdir().expect("a folder");
     let folder = dir.path().join("wall");
@@ -344,6 +345,7 @@ fn noise_is_that_of_the_maps() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_simulated_rig_is_compared_with_its_truth() {
     let dir = tempfile::tempdir().expect("a folder");
     let at = |name: &str| dir.path().join(name);
@@ -382,6 +384,7 @@ fn a_simulated_rig_is_compared_with_its_truth() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn what_cannot_be_compared_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     let (wall, small) = (dir.path().join("wall"), dir.path().join("small"));

@@ -137,6 +137,7 @@ fn holes_are_filled() {
 
 /// Confidences are as the picture says: what `--min-confidence` keeps are the pixels from there on.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn the_picture_of_confidences_tells_what_is_kept() {
     let capture = Capture::new();
     let picture = capture.path("sure.png");

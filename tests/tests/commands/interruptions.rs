@@ -122,6 +122,7 @@ fn outputs_are_written_together_or_not_at_all() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn evaluate_and_listen_write_together_or_not_at_all() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -135,6 +136,7 @@ fn evaluate_and_listen_write_together_or_not_at_all() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn commands_without_room_write_nothing() {
     let starve = |victim: Victim| {
         assert_eq!(victim.starve(Want::FileSize(1)), Some(true), "{}", victim.name);

@@ -238,6 +238,7 @@ fn aligned(folder: &TempDir) -> (FrameFiles, Vec<Rectification>) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn align_keeps_the_depth_and_the_colours() {
     let sample = |view, color, white: f64, u: u32, v: u32| (white * brightness(view, color, u.into(), v.into())).round();
     let deep = capture("", |view| {
@@ -282,6 +283,7 @@ fn align_keeps_the_depth_and_the_colours() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn what_is_aligned_on_the_way_is_what_is_written() {
     // Grey images of 12 bits, and one in colour of 8.
     let folder = capture("", |view| match view {

@@ -66,6 +66,7 @@ fn swapped_views_are_named() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn ranges_that_are_cut_and_missing_texture_are_warned_of() {
     let folder = tempfile::tempdir().unwrap();
     let (images, _) = &*SCENE;

@@ -62,13 +62,11 @@ const OTHER_COMPUTATIONS: [&str; 4] = ["-pmultiscopic-edge", "--lib", "--test=ou
 /// The tests of the program, of which debug leaves out what takes minutes there.
 const PROGRAM: [&str; 2] = ["--test=commands", "--test=capture"];
 /// Those that take half of the time even in release, each with what else tests its subject.
-const LONGEST: [(&str, &str); 6] = [
+const LONGEST: [(&str, &str); 4] = [
     ("edge_commands::simulations::every_other_profile_is_simulated", "small_profiles_are_simulated"),
     ("edge_commands::simulations::long_baselines_are_simulated_like_the_references", "small_profiles_are_simulated"),
     ("command_line::memory_demand::alignments_take_what_they_announce", "matches_take_what_they_announce"),
     ("lenses::distorted_images_match_as_those_without_distortion", "a_lens_is_recovered_with_its_uncertainty"),
-    ("lenses::lens_calibration::wide_angles_have_models_of_their_own", "a_lens_is_recovered_with_its_uncertainty"),
-    ("lenses::lens_calibration::poses_that_do_not_tell_the_lens_are_refused", "boards_half_out_of_view_serve_or_are_refused"),
 ];
 
 /// The static checks.

@@ -133,6 +133,7 @@ fn the_network_takes_bands_where_the_image_does_not_fit() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn what_does_not_fit_is_refused_beforehand() {
     let dir = tempfile::tempdir().expect("a folder");
     let (rig, output) = (scene(dir.path(), "640x480", "2"), dir.path().join("d.pfm"));

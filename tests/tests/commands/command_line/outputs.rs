@@ -89,6 +89,7 @@ fn read_npy(bytes: &[u8]) -> ([usize; 2], Vec<f32>) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn every_format_has_the_same_numbers() {
     let (dir, rig) = rig_of("160x120");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
@@ -121,6 +122,7 @@ fn every_format_has_the_same_numbers() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_summary_is_a_line_or_a_json_object_or_left_out() {
     let (dir, rig) = rig_of("160x120");
     let file = dir.path().join("d.pfm");

@@ -214,6 +214,7 @@ fn timeless(path: &str) -> BTreeMap<String, Vec<Vec<u8>>> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_live_recording_has_what_match_finds_in_each_capture() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();

@@ -149,6 +149,7 @@ fn fixed(disparities: Vec<Option<f64>>) -> Vec<Option<i32>> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn eight_views_are_simulated_like_the_reference() {
     let profile = profile::QQVGA_3X3;
     let Matching::Blocks { params, .. } = profile.matching(Fusion::Min) else { panic!("it matches blocks") };

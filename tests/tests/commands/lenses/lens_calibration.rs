@@ -8,11 +8,10 @@ use std::{
 
 use image::{GrayImage, imageops};
 use multiscopic::CameraModel;
+use multiscopic_reference::board_photos::{BoardPose, Print, SIZE, TrueCamera};
 use multiscopic_tests::program::Invocation;
 use rayon::prelude::*;
 use tempfile::TempDir;
-
-use super::board_photos::{BoardPose, Print, SIZE, TrueCamera};
 
 const DPI: f64 = 100.0;
 /// The board by default: 10x7 squares of 25 mm, and half a square around it in a PNG.
@@ -52,7 +51,7 @@ impl Photos {
         let folder = tempfile::tempdir().expect("a folder");
         let print = folder.path().join("print.png");
         Invocation::new(["calibrate", "board", "--board", board, "--dpi", "100", "-o", text(&print)]).assert_done();
-        let print = Print::read(&print, DPI, BOARD_MM, BORDER_MM);
+        let print = Print::new(image::open(print).expect("a PNG").into_luma8(), DPI, BOARD_MM, BORDER_MM);
         let directions = camera.corner_directions();
         let photo = |(k, pose): (usize, &BoardPose)| {
             let path = folder.path().join(format!("{k:02}.png"));
@@ -182,6 +181,7 @@ fn wide_angles_have_models_of_their_own() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn refusals_say_what_to_photograph() {
     let photos = photos();
     let all = photos.all();
@@ -260,6 +260,7 @@ fn poses_that_do_not_tell_the_lens_are_refused() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn pictures_of_two_cameras_contradict_each_other() {
     let zoomed = TrueCamera { focal: [640.0, 641.0], coefficients: vec![0.0; 5], ..plumb_bob() };
     let others = Photos::new("charuco", &zoomed, &poses(&plumb_bob(), 4), 1);

@@ -1,6 +1,5 @@
 //! `--lens` and `lens` in rig.toml: images that a lens distorts, of 8 and of 16 bits, and calibrations.
 
-mod board_photos;
 mod lens_calibration;
 
 use std::{fs, path::Path};
@@ -177,6 +176,7 @@ fn calibrations_that_do_not_fit_are_refused() {
 
 #[cfg(target_os = "linux")]
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_capture_keeps_the_calibration() {
     let folder = tempfile::tempdir().expect("a folder");
     let [lens, rig] = ["lens.yml", "rig"].map(|name| folder.path().join(name));

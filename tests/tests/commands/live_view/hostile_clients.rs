@@ -55,6 +55,7 @@ fn only_the_page_is_answered() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn broken_requests_and_messages_end_their_connection_alone() {
     let dir = tempfile::tempdir().unwrap();
     let mut server = PageServer::start(&["tune", &rig(dir.path())]);
@@ -174,6 +175,7 @@ fn random_settings(random: &mut Random) -> Value {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn whatever_is_asked_for_is_matched_or_refused() {
     let dir = tempfile::tempdir().unwrap();
     let small = dir.path().join("small").display().to_string();
@@ -221,6 +223,7 @@ fn whatever_is_asked_for_is_matched_or_refused() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_thousand_sockets_do_not_stop_the_page() {
     let dir = tempfile::tempdir().unwrap();
     let mut server = PageServer::start(&["tune", &rig(dir.path())]);

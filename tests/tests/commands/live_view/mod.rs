@@ -46,6 +46,7 @@ fn signals_end_the_server_with_their_codes() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_slow_match_is_given_up_for_the_next_one() {
     let dir = tempfile::tempdir().unwrap();
     let server = PageServer::start(&["tune", &rig(dir.path())]);
@@ -109,6 +110,7 @@ fn cases() -> [Case; 4] {
 
 /// With `MULTISCOPIC_BLESS` set, `tuned` is written anew.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn the_code_on_the_page_computes_what_the_command_computes() {
     let dir = tempfile::tempdir().unwrap();
     // Small, since it is matched without optimisation, too.

@@ -278,6 +278,7 @@ fn block(desk: &Desk, item: usize, is_blocked: bool) {
 
 #[cfg(target_os = "linux")]
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_machine_that_is_killed_loses_nothing_that_was_done() {
     use std::{
         os::unix::process::ExitStatusExt,

@@ -1,9 +1,8 @@
 //! Photos of a printed board through a lens, computed from the formulas in the documentation of lenses.
 
-use std::path::Path;
-
 use image::{GrayImage, Luma};
-use multiscopic_reference::split_mix::Random;
+
+use crate::split_mix::Random;
 
 /// Width and height of the photos in pixels.
 pub const SIZE: [usize; 2] = [640, 480];
@@ -15,19 +14,24 @@ const NOISE: f64 = 2.0;
 /// A camera with a lens.
 #[derive(Clone, Debug)]
 pub struct TrueCamera {
+    /// The focal lengths in pixels.
     pub focal: [f64; 2],
+    /// The principal point in pixels.
     pub middle: [f64; 2],
     /// `k1 k2 p1 p2 k3 k4 k5 k6`, or `k1 k2 k3 k4` of an equidistant lens.
     pub coefficients: Vec<f64>,
+    /// True if the lens is equidistant.
     pub is_equidistant: bool,
 }
 
-/// The pose of the board: the tilt about the axes to the right and down, the roll, and the middle of the board in the camera's
-/// coordinates, in millimetres.
+/// The pose of the board.
 #[derive(Clone, Copy, Debug)]
 pub struct BoardPose {
+    /// The tilt about the axes to the right and down.
     pub tilt_deg: [f64; 2],
+    /// The roll.
     pub roll_deg: f64,
+    /// The middle of the board in the camera's coordinates, in millimetres.
     pub center: [f64; 3],
 }
 
@@ -121,9 +125,8 @@ impl BoardPose {
 }
 
 impl Print {
-    /// A board of `size_mm` in a PNG with a white border.
-    pub fn read(path: &Path, dpi: f64, size_mm: [f64; 2], border_mm: f64) -> Print {
-        let image = image::open(path).expect("a PNG").into_luma8();
+    /// A board of `size_mm` with a white border, printed at `dpi`.
+    pub fn new(image: GrayImage, dpi: f64, size_mm: [f64; 2], border_mm: f64) -> Print {
         Print { image, per_mm: dpi / 25.4, border_mm, center_mm: size_mm.map(|side| side / 2.0) }
     }
 

@@ -3,15 +3,17 @@
 use core::{fmt, num::NonZeroU16};
 
 use bytemuck::{PodInOption, ZeroableInOption};
-use fixed::types::{I10F6, I16F16, U16F16};
+#[cfg(feature = "fixed")]
+use fixed::types::I10F6;
 
 /// A disparity in pixels: signed fixed point in steps of 1/64, from -511 63/64 to 511 63/64.
 ///
-/// An invalid pixel is `None`; an [`Option<Disparity>`] takes two bytes as well.
+/// An invalid pixel is `None`; an [`Option<Disparity>`] takes two bytes as well. With the feature `fixed`, a disparity converts to and
+/// from that crate's `I10F6`, which has the same bits.
 ///
 /// ```
-/// use multiscopic_core::{fixed::types::I10F6, Disparity};
-/// let d = Disparity::from_fixed(I10F6::from_num(-2.5)).unwrap();
+/// use multiscopic_core::Disparity;
+/// let d = Disparity::from_bits(-160).unwrap();
 /// assert_eq!(f32::from(d), -2.5);
 /// assert_eq!(size_of::<Option<Disparity>>(), 2);
 /// ```
@@ -46,11 +48,19 @@ impl Disparity {
     }
 
     /// The disparity of `pixels`, or `None` for -512, which no search reaches.
+    ///
+    /// ```
+    /// use multiscopic_core::{Disparity, fixed::types::I10F6};
+    /// let d = Disparity::from_fixed(I10F6::from_num(-2.5)).unwrap();
+    /// assert_eq!((f32::from(d), d.to_fixed()), (-2.5, I10F6::from_num(-2.5)));
+    /// ```
+    #[cfg(feature = "fixed")]
     pub const fn from_fixed(pixels: I10F6) -> Option<Disparity> {
         Disparity::from_bits(pixels.to_bits())
     }
 
     /// This disparity in pixels.
+    #[cfg(feature = "fixed")]
     pub const fn to_fixed(self) -> I10F6 {
         I10F6::from_bits(self.to_bits())
     }
@@ -188,6 +198,7 @@ impl From<Disparity> for f32 {
     }
 }
 
+#[cfg(feature = "fixed")]
 impl From<Disparity> for I10F6 {
     fn from(d: Disparity) -> I10F6 {
         d.to_fixed()
@@ -196,13 +207,13 @@ impl From<Disparity> for I10F6 {
 
 impl fmt::Debug for Disparity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.to_fixed())
+        write!(f, "{}", f32::from(*self))
     }
 }
 
 impl fmt::Display for Disparity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(&self.to_fixed(), f)
+        fmt::Display::fmt(&f32::from(*self), f)
     }
 }
 
@@ -276,21 +287,20 @@ impl fmt::Display for Depth {
 /// The geometry that turns disparities into depths: the camera's focal length and the baseline.
 ///
 /// ```
-/// use multiscopic_core::{Disparity, Triangulation, fixed::types::{I10F6, I16F16, U16F16}};
-/// let triangulation =
-///     Triangulation { focal_px: U16F16::from_num(1000), baseline_um: 20_000, doffs_px: I16F16::ZERO };
-/// let d = Disparity::from_fixed(I10F6::from_num(12.5)).unwrap();
-/// assert_eq!(triangulation.depth(d).unwrap().micrometres(), 1_600_000);
+/// use multiscopic_core::{Disparity, Triangulation};
+/// let triangulation = Triangulation { focal_q16: 1000 << 16, baseline_um: 20_000, doffs_q16: 0 };
+/// let depth = triangulation.depth(Disparity::whole(10).unwrap()).unwrap();
+/// assert_eq!(depth.micrometres(), 2_000_000);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Triangulation {
-    /// The focal length in pixels, in steps of 2^-16.
-    pub focal_px: U16F16,
+    /// The focal length in steps of 2^-16 pixels.
+    pub focal_q16: u32,
     /// The baseline, from the centre to each neighbour, in micrometres.
     pub baseline_um: u32,
-    /// The offset that makes disparities 0 at infinity, in pixels: the distance between the principal points
+    /// The offset that makes disparities 0 at infinity, in steps of 2^-16 pixels: the distance between the principal points
     /// (Middlebury).
-    pub doffs_px: I16F16,
+    pub doffs_q16: i32,
 }
 
 impl Triangulation {
@@ -298,10 +308,10 @@ impl Triangulation {
     ///
     /// `None` where `d + doffs <= 0`, at infinity or beyond, and for more than 4294 m.
     pub fn depth(&self, d: Disparity) -> Option<Depth> {
-        let shift = (i64::from(d.to_bits()) << 10) + i64::from(self.doffs_px.to_bits());
+        let shift = (i64::from(d.to_bits()) << 10) + i64::from(self.doffs_q16);
         let shift = u64::try_from(shift).ok()?;
         // Two factors of 32 bits and an addend of 31 bits: the sum fits 64 bits.
-        let product = u64::from(self.focal_px.to_bits()) * u64::from(self.baseline_um);
+        let product = u64::from(self.focal_q16) * u64::from(self.baseline_um);
         let micrometres = product.saturating_add(shift / 2).checked_div(shift)?;
         u32::try_from(micrometres).ok().map(Depth)
     }

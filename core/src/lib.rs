@@ -105,6 +105,7 @@ mod semi_global;
 mod view;
 mod views;
 
+#[cfg(feature = "fixed")]
 pub use fixed;
 
 pub use confidence::{ConfidenceLines, ConfidenceTable, PeakRatio};

@@ -19,7 +19,6 @@ use std::{
 use multiscopic::Engine;
 use multiscopic_core::{
     BlockMatchingParams, Disparity, Fusion as CoreFusion, MatchingCost, Region, Triangulation,
-    fixed::types::{I16F16, U16F16},
     kernel::{Kernel, Portable},
 };
 use multiscopic_reference::{Fusion, fixed, fuse, raw16, split_mix::Random};
@@ -110,7 +109,7 @@ fn refinement_rounds_like_the_reference() {
 proptest! {
     #[test]
     fn depth_is_rounded_to_the_nearest_micrometre(focal in 1u32.., baseline_um in 0u32..2_000_000, doffs in -(300 << 16)..300 << 16, bits in -32767i16..) {
-        let triangulation = Triangulation { focal_px: U16F16::from_bits(focal), baseline_um, doffs_px: I16F16::from_bits(doffs) };
+        let triangulation = Triangulation { focal_q16: focal, baseline_um, doffs_q16: doffs };
         let d = Disparity::from_bits(bits).expect("not the one that is invalid");
         let shift = f64::from(bits) / 64.0 + f64::from(doffs) / 65536.0;
         let exact = f64::from(focal) / 65536.0 * f64::from(baseline_um) / shift;
@@ -124,7 +123,7 @@ proptest! {
 
 #[test]
 fn there_is_no_depth_at_infinity() {
-    let triangulation = Triangulation { focal_px: U16F16::from_num(800), baseline_um: 20_000, doffs_px: I16F16::from_num(-2) };
+    let triangulation = Triangulation { focal_q16: 800 << 16, baseline_um: 20_000, doffs_q16: -2 << 16 };
     let depth = |pixels: i16| triangulation.depth(Disparity::from_bits(64 * pixels).expect("in range"));
     assert_eq!(depth(2), None);
     assert_eq!(depth(1), None);

@@ -102,7 +102,7 @@ impl GraphCuts {
         let search = params.search();
         let start = engine.disparities(&frames.planes(), params, &|| ())?;
         let energy = Energy::new(self, cost, frames, search);
-        let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| d.to_fixed().round().to_num()));
+        let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| f32::from(d).round() as Label));
         let mut labelling = Labelling::new(&energy, start.collect());
         let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
         engine.install(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));

@@ -438,7 +438,7 @@ mod tests {
                 ViewModel { rotation: turn, log_scale: within(0.01), position: nominal(view).position + off }
             })
             .collect();
-        let points: Vec<Point> = (0..400)
+        let points: Vec<Point> = (0..120)
             .map(|corner| {
                 let (ray, disparity) = ([within(0.4), within(0.3)], 0.03 + within(0.02));
                 let seen = |model: &ViewModel| model.projection().project(Vector3::new(ray[0], ray[1], 1.0), disparity);

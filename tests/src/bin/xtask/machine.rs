@@ -36,8 +36,17 @@ const EXIT_CODE: &str = "guest: exit code ";
 /// The test program that needs cameras.
 const TEST: &str = "cameras";
 
-/// Runs the camera tests in release. Without a virtual machine they are reported as ignored.
-pub fn run_camera_tests() -> Result<()> {
+/// The tests of `--all` alone, by the beginnings of their names: what ends a capture while the stage moves, which simulated hardware
+/// tests too. They take half of the time.
+const LONG: [&str; 4] = [
+    "capture_command::arm_",
+    "capture_command::camera_starves",
+    "capture_command::interrupted::Connecting",
+    "capture_command::interrupted::Returning",
+];
+
+/// Runs the camera tests in release, with or without the long ones. Without a virtual machine they are reported as ignored.
+pub fn run_camera_tests(with_long: bool) -> Result<()> {
     if let Some(reason) = missing() {
         println!("v4l2: no virtual machine: {reason}");
         return run(command("cargo", ["test", "--no-fail-fast", "--release", "--test", TEST]).args(OPTIMIZED));
@@ -54,7 +63,8 @@ pub fn run_camera_tests() -> Result<()> {
     let test = built_test(TEST)?;
     machine.add_program(&test)?;
     // The tests share the devices and change their settings, so they run one at a time.
-    machine.run(&format!("cd /tmp; {variables} '{}' --test-threads 1 --color never", test.display()))
+    let skipped: String = LONG.iter().filter(|_| !with_long).map(|name| format!(" --skip {name}")).collect();
+    machine.run(&format!("cd /tmp; {variables} '{}' --test-threads 1 --color never{skipped}", test.display()))
 }
 
 /// Returns the reason that no virtual machine can run here; `None` if one can.

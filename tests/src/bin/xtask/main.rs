@@ -124,7 +124,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Emulated(extent) => extent.emulated(),
         Task::Check => suite::check(),
         Task::Lint => suite::lint(),
-        Task::V4l2 => machine::run_camera_tests(),
+        Task::V4l2 => machine::run_camera_tests(true),
         Task::Kernels => firmware_checks::kernels(&build::set_up()?),
         Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),

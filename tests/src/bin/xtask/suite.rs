@@ -62,20 +62,20 @@ const OTHER_COMPUTATIONS: [&str; 4] = ["-pmultiscopic-edge", "--lib", "--test=ou
 /// The tests of the program, of which debug leaves out what takes minutes there.
 const PROGRAM: [&str; 2] = ["--test=commands", "--test=capture"];
 /// Those that take half of the time even in release, each with what else tests its subject.
-const LONGEST: [(&str, &str); 4] = [
+const LONGEST: [(&str, &str); 5] = [
     ("edge_commands::simulations::every_other_profile_is_simulated", "small_profiles_are_simulated"),
     ("edge_commands::simulations::long_baselines_are_simulated_like_the_references", "small_profiles_are_simulated"),
     ("command_line::memory_demand::alignments_take_what_they_announce", "matches_take_what_they_announce"),
     ("lenses::distorted_images_match_as_those_without_distortion", "a_lens_is_recovered_with_its_uncertainty"),
+    ("simulated::a_mount_is_kept_if_the_stage_stops_on_its_way_back", "a_mount_is_found_and_taken_out"),
 ];
 
 /// The static checks.
-const LINT: [Step; 9] = [
+const LINT: [Step; 8] = [
     Step { name: "formatting", scope: Test, run: static_checks::formatting },
     Step { name: "architecture", scope: Test, run: architecture },
     Step { name: "lints", scope: Test, run: static_checks::lints },
     Step { name: "lints for Arm", scope: Test, run: || static_checks::lints_for_arm(&arm()?) },
-    Step { name: "lints for RISC-V", scope: Test, run: static_checks::lints_for_risc_v },
     Step { name: "features", scope: Test, run: static_checks::features },
     Step { name: "supply chain", scope: Test, run: || SupplyChain::CHECK.run() },
     Step { name: "subjects of commits", scope: Test, run: static_checks::subjects },
@@ -114,8 +114,9 @@ const TESTS: [Step; 27] = [
 ];
 
 /// The tests in emulators: of the firmware, of the libraries as firmware depends on them, and of cameras.
-const EMULATED: [Step; 15] = [
+const EMULATED: [Step; 17] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
+    Step { name: "lints for RISC-V", scope: All, run: static_checks::lints_for_risc_v },
     Step { name: "lints for the Pico 2", scope: All, run: || build::lint_pico2(&arm()?) },
     Step { name: "the firmware for the Pico 2", scope: All, run: || build::build_pico2(&arm()?) },
     Step { name: "the kernels on each processor", scope: All, run: || firmware_checks::kernels(&arm()?) },
@@ -134,7 +135,8 @@ const EMULATED: [Step; 15] = [
     Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },
     Step { name: "many flipped bits", scope: All, run: || BitFlips::many().run(&arm()?) },
     // By then the steps beside these have built the program in release, which the machine runs.
-    Step { name: "cameras in a virtual machine", scope: Test, run: machine::run_camera_tests },
+    Step { name: "cameras in a virtual machine", scope: Sample, run: || machine::run_camera_tests(false) },
+    Step { name: "cameras and stages in a virtual machine", scope: All, run: || machine::run_camera_tests(true) },
 ];
 
 /// The step of `test` that waits for the tests in emulators.

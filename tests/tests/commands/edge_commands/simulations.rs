@@ -92,8 +92,8 @@ fn assert_simulated_as_matched(profile: &Profile) {
     }
 }
 
-/// The profiles that are simulated in seconds without optimisation.
-const SMALL: [Profile; 3] = [profile::QQVGA, profile::QQVGA_SGM, profile::QQVGA_SGM_CONFIDENCE];
+/// The profiles that are simulated in seconds.
+const SMALL: [Profile; 4] = [profile::QQVGA, profile::QVGA_TILED, profile::QQVGA_SGM, profile::QQVGA_SGM_CONFIDENCE];
 
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]

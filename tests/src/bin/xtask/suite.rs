@@ -83,7 +83,7 @@ const LINT: [Step; 8] = [
 ];
 
 /// The tests on this machine. Those that need the same build are beside each other.
-const TESTS: [Step; 27] = [
+const TESTS: [Step; 28] = [
     Step { name: "tests in debug", scope: Test, run: tests_in_debug },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
     Step { name: "the published packages, packed", scope: Sample, run: publishing::pack_crates },
@@ -94,6 +94,11 @@ const TESTS: [Step; 27] = [
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
     Step { name: "the longest tests in release too", scope: All, run: || long_tests(true) },
     Step { name: "other computations in release", scope: All, run: || run_optimized_tests(&OTHER_COMPUTATIONS) },
+    Step {
+        name: "the core with the crate fixed",
+        scope: All,
+        run: || run(&mut cargo(&["test", "-pmultiscopic-core", "--features=fixed"])),
+    },
     Step { name: "lints without features", scope: All, run: static_checks::lints_without_features },
     Step { name: "the Python wheel", scope: All, run: python_package::test_wheel },
     Step { name: "the published packages, compiled", scope: All, run: publishing::check_crates },

@@ -85,10 +85,10 @@ const LINT: [Step; 8] = [
 /// The tests on this machine. Those that need the same build are beside each other.
 const TESTS: [Step; 28] = [
     Step { name: "tests in debug", scope: Test, run: tests_in_debug },
-    Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
     Step { name: "the published packages, packed", scope: Sample, run: publishing::pack_crates },
     Step { name: "computations in release", scope: Test, run: || run_optimized_tests(&COMPUTATIONS) },
     Step { name: "long tests in release", scope: Sample, run: || long_tests(false) },
+    Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
     Step { name: "archives of the program", scope: Test, run: release::check },
     Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },

@@ -102,12 +102,12 @@ pub fn built_program() -> Result<PathBuf> {
     built("build", &["-pmultiscopic-cli", "-pmultiscopic-tests", "--bin=multiscopic", "--bin=xtask"], "multiscopic", &[])
 }
 
-/// Builds the module for Python with the libraries of the tests in debug, and returns its path.
+/// Builds the module for Python with the libraries of the tests in release, and returns its path.
 pub fn built_extension() -> Result<PathBuf> {
-    let program = ["-pmultiscopic-cli", "-pmultiscopic-tests", "--bin=multiscopic", "--bin=xtask"];
-    let mut cargo = command("cargo", ["build", "--quiet", "--message-format=json-render-diagnostics"]);
+    let mut cargo = command("cargo", ["build", "--release", "--quiet", "--message-format=json-render-diagnostics"]);
+    cargo.args(OPTIMIZED).args(OPTIMIZED_PROGRAM).args(["--bin=multiscopic", "-p", PYTHON_PACKAGE, "--lib"]);
     // The interpreter that loads it has the symbols of Python.
-    cargo.args(["-p", PYTHON_PACKAGE, "--lib"]).args(program).env("PYO3_BUILD_EXTENSION_MODULE", "1");
+    cargo.env("PYO3_BUILD_EXTENSION_MODULE", "1");
     let library = |message: &str| {
         let message: serde_json::Value = serde_json::from_str(message).ok()?;
         let is_it = message["target"]["name"] == "multiscopic_python" && message["reason"] == "compiler-artifact";

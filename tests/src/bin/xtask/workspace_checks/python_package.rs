@@ -9,7 +9,7 @@ use std::{
 use anyhow::{Context, Result};
 
 use crate::{
-    system::{self, built_extension, built_program, command, run},
+    system::{self, built_extension, built_optimized_program, command, run},
     tools,
 };
 
@@ -30,7 +30,7 @@ if hasattr(multiscopic, \"__all__\"):
     __all__ = multiscopic.__all__
 ";
 
-/// Builds the module as the tests in debug build its libraries, lays it out as a package, and tests that.
+/// Builds the module as the tests in release build its libraries, lays it out as a package, and tests that.
 pub fn test_extension() -> Result<()> {
     let library = built_extension()?;
     let packages = folder().join("packages");
@@ -103,11 +103,11 @@ impl PythonEnvironment {
         run(&mut command(&self.program("python"), pip))
     }
 
-    /// The command that tests the package, against the program of the tests in debug.
+    /// The command that tests the package, against the program of the tests in release.
     fn tests(&self) -> Result<Command> {
         let pytest = ["-m", "pytest", "--quiet", "-p", "no:cacheprovider", "python"];
         let mut pytest = command(&self.program("python"), pytest);
-        pytest.env("MULTISCOPIC_BINARY", built_program()?).env("PYTHONDONTWRITEBYTECODE", "1");
+        pytest.env("MULTISCOPIC_BINARY", built_optimized_program()?).env("PYTHONDONTWRITEBYTECODE", "1");
         Ok(pytest)
     }
 

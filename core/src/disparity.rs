@@ -8,8 +8,8 @@ use fixed::types::I10F6;
 
 /// A disparity in pixels: signed fixed point in steps of 1/64, from -511 63/64 to 511 63/64.
 ///
-/// An invalid pixel is `None`; an [`Option<Disparity>`] takes two bytes as well. With the feature `fixed`, a disparity converts to and
-/// from that crate's `I10F6`, which has the same bits.
+/// An invalid pixel is `None`; an [`Option<Disparity>`] takes two bytes as well. With the feature `fixed`, a disparity converts
+/// to and from that crate's `I10F6`, which has the same bits.
 ///
 /// ```
 /// use multiscopic_core::Disparity;

@@ -27,9 +27,9 @@ pub struct TrueCamera {
 /// The pose of the board.
 #[derive(Clone, Copy, Debug)]
 pub struct BoardPose {
-    /// The tilt about the axes to the right and down.
+    /// The tilt about the axes to the right and down, in degrees.
     pub tilt_deg: [f64; 2],
-    /// The roll.
+    /// The roll, in degrees.
     pub roll_deg: f64,
     /// The middle of the board in the camera's coordinates, in millimetres.
     pub center: [f64; 3],

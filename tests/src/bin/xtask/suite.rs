@@ -59,7 +59,7 @@ const COMPUTATIONS: [&str; 5] = ["--lib", "--test=matching", "--test=methods", "
 /// The tests of bytes from outside and of rectification by lines, which are mostly integers and bounds, and of the pipeline to
 /// packets, which the sample of the firmware tests optimised too.
 const OTHER_COMPUTATIONS: [&str; 4] = ["-pmultiscopic-edge", "--lib", "--test=outside_bytes", "--test=rectified_lines"];
-/// The tests of the program, of which debug leaves out what takes minutes there.
+/// The tests of the program, of which debug leaves out what is slow there.
 const PROGRAM: [&str; 2] = ["--test=commands", "--test=capture"];
 /// Those that take half of the time even in release, each with what else tests its subject.
 const LONGEST: [(&str, &str); 5] = [

@@ -113,7 +113,7 @@ fn cases() -> [Case; 4] {
 #[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn the_code_on_the_page_computes_what_the_command_computes() {
     let dir = tempfile::tempdir().unwrap();
-    // Small, since it is matched without optimisation, too.
+    // Small, since it is matched for each of the settings.
     let folder = rig_of(dir.path(), "80x60");
     let rig = Rig::load(Path::new(&folder)).unwrap();
     let (frames, _) = Frames::load(&rig.images.within(Path::new(&folder))).unwrap();

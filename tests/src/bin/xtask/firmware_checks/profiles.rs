@@ -46,8 +46,8 @@ type SampledProfile = (Profile, &'static [Fusion]);
 /// The runs of `cargo xtask test`: boards, and the profiles and fusion rules that run there.
 ///
 /// Each kernel for Arm matches blocks by each rule for which it has loops, semi-globally, and with eight views. What does not depend
-/// on the kernel runs on one board: confidences, the network. Column tiles and the prior, which the host simulates by the same code,
-/// are left to `--all`.
+/// on the kernel runs on one board: confidences, the network. Column tiles and the prior, which the tests on this machine compare
+/// with the references, are left to `--all`.
 const SAMPLE: [(&EmulatedBoard, &[SampledProfile]); 2] = [
     (
         &emulated_board::REFERENCE,
@@ -443,7 +443,7 @@ mod tests {
             assert!(Selection::sample().has(board, profile), "{} does not run on {}", profile.name, board.name);
             assert!(fusions(profile).any(|rule| rule == *fusion), "{} has no {}", profile.name, fusion.name());
         }
-        // Larger frames of what smaller profiles match, and what the host simulates by the same code.
+        // Larger frames of what smaller profiles match, and what the tests on this machine compare with the references.
         let left_out = ["vga", "vga-tiled", "qvga-sgm", "qvga-tiled", "qvga-prior", "qvga-confidence"];
         let is_sampled = |name: &&str| !left_out.contains(name);
         let profiles: BTreeSet<&str> = profile::ALL.iter().map(|profile| profile.name).filter(is_sampled).collect();

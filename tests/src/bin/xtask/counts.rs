@@ -7,7 +7,7 @@ use multiscopic::Simd;
 use std::{collections::BTreeMap, env, fs, path::Path};
 
 use crate::{
-    system::{self, built_optimized_program, read},
+    system::{self, built_program, read},
     tools::{self, InstalledProgram},
 };
 
@@ -99,7 +99,7 @@ impl Guard {
             return Ok(());
         }
         let valgrind = tools::VALGRIND.install()?;
-        let binary = built_optimized_program()?;
+        let binary = built_program()?;
         let mut counts = Counts::new();
         for kernel in KERNELS {
             if Simd::named(kernel).is_none() {

@@ -19,7 +19,7 @@ use std::{
 };
 
 use crate::{
-    system::{self, OPTIMIZED, built_optimized_program, built_test, command, exit_code_within, read, run},
+    system::{self, OPTIMIZED, built_program, built_test, command, exit_code_within, read, run},
     tools::{self, Tool, debian},
 };
 
@@ -52,7 +52,7 @@ pub fn run_camera_tests(with_long: bool) -> Result<()> {
         return run(command("cargo", ["test", "--no-fail-fast", "--release", "--test", TEST]).args(OPTIMIZED));
     }
     let mut machine = Machine::new()?;
-    let program = built_optimized_program()?;
+    let program = built_program()?;
     machine.add_program(&program)?;
     machine.add_folder(&system::root().join("tests/golden"))?;
     let mut variables = format!("MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{}'", program.display());

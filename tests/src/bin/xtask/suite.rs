@@ -7,7 +7,7 @@ mod step;
 
 use anyhow::{Result, ensure};
 use clap::Args;
-use std::{iter, path::Path};
+use std::iter;
 
 use crate::{
     counts::Guard,
@@ -20,7 +20,7 @@ use crate::{
     },
     machine,
     publishing::{self, PublicApi, release, supply_chain::SupplyChain},
-    system::{BackgroundTask, OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, read, run},
+    system::{BackgroundTask, OPTIMIZED, PYTHON_PACKAGE, built_program, checked_cargo, command, read, run},
     tools::Toolchain,
     workspace_checks::{
         cluster::Clusters,
@@ -54,14 +54,32 @@ const QUICK: [&str; 10] = [
     "--test=methods",
 ];
 
-/// The tests that optimisation might change: of what computes, not of what talks to users, browsers, cameras and stages.
-const COMPUTATIONS: [&str; 5] = ["--lib", "--test=matching", "--test=methods", "--test=mccnn", "--test=real_data"];
+/// The tests of the checked build: all but those of the program and of errors on real images.
+const CHECKED: [&str; 16] = [
+    "--lib",
+    "--bins",
+    "--test=architecture",
+    "--test=capture",
+    "--test=documents",
+    "--test=hm01b0",
+    "--test=line_queue",
+    "--test=matching",
+    "--test=methods",
+    "--test=outside_bytes",
+    "--test=rectified_lines",
+    "--test=seeds",
+    "--test=simulation",
+    "--test=soak",
+    "--test=stepper",
+    "--test=ur_rtde",
+];
+/// The tests in release: of the program, and of what computes, which optimisation might change.
+const RELEASE: [&str; 7] =
+    ["--lib", "--test=capture", "--test=commands", "--test=matching", "--test=mccnn", "--test=methods", "--test=real_data"];
 /// The tests of bytes from outside and of rectification by lines, which are mostly integers and bounds, and of the pipeline to
 /// packets, which the sample of the firmware tests optimised too.
 const OTHER_COMPUTATIONS: [&str; 4] = ["-pmultiscopic-edge", "--lib", "--test=outside_bytes", "--test=rectified_lines"];
-/// The tests of the program, of which debug leaves out what is slow there.
-const PROGRAM: [&str; 2] = ["--test=commands", "--test=capture"];
-/// Those that take half of the time even in release, each with what else tests its subject.
+/// Those that take half of the time, each with what else tests its subject.
 const LONGEST: [(&str, &str); 5] = [
     ("edge_commands::simulations::every_other_profile_is_simulated", "small_profiles_are_simulated"),
     ("edge_commands::simulations::long_baselines_are_simulated_like_the_references", "small_profiles_are_simulated"),
@@ -83,21 +101,20 @@ const LINT: [Step; 8] = [
 ];
 
 /// The tests on this machine. Those that need the same build are beside each other.
-const TESTS: [Step; 28] = [
-    Step { name: "tests in debug", scope: Test, run: tests_in_debug },
+const TESTS: [Step; 27] = [
     Step { name: "the published packages, packed", scope: Sample, run: publishing::pack_crates },
-    Step { name: "computations in release", scope: Test, run: || run_optimized_tests(&COMPUTATIONS) },
-    Step { name: "long tests in release", scope: Sample, run: || long_tests(false) },
+    Step { name: "tests in release", scope: Test, run: tests_in_release },
+    Step { name: "tests in the checked build", scope: Test, run: checked_tests },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
     Step { name: "archives of the program", scope: Test, run: release::check },
     Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
     Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
-    Step { name: "the longest tests in release too", scope: All, run: || long_tests(true) },
+    Step { name: "the longest tests in release", scope: All, run: longest_tests },
     Step { name: "other computations in release", scope: All, run: || run_optimized_tests(&OTHER_COMPUTATIONS) },
     Step {
         name: "the core with the crate fixed",
         scope: All,
-        run: || run(&mut cargo(&["test", "-pmultiscopic-core", "--features=fixed"])),
+        run: || run(checked_cargo("test").args(["-pmultiscopic-core", "--features=fixed"])),
     },
     Step { name: "lints without features", scope: All, run: static_checks::lints_without_features },
     Step { name: "the Python wheel", scope: All, run: python_package::test_wheel },
@@ -149,7 +166,7 @@ const WAITING: &str = "emulators, in the background";
 
 /// The disk space and time that the suites take, as measured on two processors.
 const LINT_NEEDS: Needs = Needs { command: "cargo xtask lint", disk_gib: 2.5, minutes: 6 };
-const TEST_NEEDS: Needs = Needs { command: "cargo xtask test", disk_gib: 7.0, minutes: 35 };
+const TEST_NEEDS: Needs = Needs { command: "cargo xtask test", disk_gib: 6.0, minutes: 30 };
 const ALL_NEEDS: Needs = Needs { command: "cargo xtask test --all", disk_gib: 24.0, minutes: 600 };
 
 /// The extent of the tests.
@@ -193,7 +210,7 @@ impl Extent {
 pub fn check() -> Result<()> {
     let mut report = Report::default();
     report.run(&LINT[..3]);
-    report.step("unit and bit-exactness tests", || run(cargo(&["test", "--no-fail-fast"]).args(QUICK)));
+    report.step("unit and bit-exactness tests", || run(checked_cargo("test").arg("--no-fail-fast").args(QUICK)));
     report.finish()
 }
 
@@ -209,14 +226,15 @@ pub fn lint() -> Result<()> {
 /// pytest tests the Python package. The firmware has no tests on this machine, but two dozen programs to link.
 const TESTED: [&str; 5] = ["--workspace", "--exclude", PYTHON_PACKAGE, "--exclude", "multiscopic-firmware"];
 
-fn tests_in_debug() -> Result<()> {
+fn checked_tests() -> Result<()> {
     let program = built_program()?;
+    let test =
+        |selection: &[&str]| run(checked_cargo("test").arg("--no-fail-fast").args(selection).env("MULTISCOPIC_BINARY", &program));
     all([
-        // Examples without tests are left to the lints.
-        run_tests(&program, &[&TESTED[..], &["--tests"]].concat()),
-        run_tests(&program, &[&TESTED[..], &["--doc"]].concat()),
+        test(&[&TESTED[..], &CHECKED].concat()),
+        test(&[&TESTED[..], &["--doc"]].concat()),
         // As most firmware has it. In the workspace, the tests' features are on.
-        run(&mut cargo(&["test", "--no-fail-fast", "-pmultiscopic-core", "--lib"])),
+        test(&["-pmultiscopic-core", "--lib"]),
     ])
 }
 
@@ -227,25 +245,27 @@ fn all<const N: usize>(results: [Result<()>; N]) -> Result<()> {
     Ok(())
 }
 
-fn run_tests(program: &Path, selection: &[&str]) -> Result<()> {
-    run(cargo(&["test", "--no-fail-fast"]).args(selection).env("MULTISCOPIC_BINARY", program))
+fn tests_in_release() -> Result<()> {
+    let skipped = LONGEST.iter().flat_map(|(longest, _)| ["--skip", longest]).collect::<Vec<_>>();
+    run_optimized_tests(&[&RELEASE[..], &["--", "--exact"], &skipped].concat())
 }
 
-/// Runs in release the tests of the program that debug leaves out, with or without the longest.
-fn long_tests(with_longest: bool) -> Result<()> {
-    let list = ["--quiet", "--", "--list", "--ignored", "--format=terse"];
-    let list = read(cargo(&["test"]).args(TESTED).args(PROGRAM).args(list))?;
-    let mut names: Vec<&str> = list.lines().filter_map(|line| line.strip_suffix(": test")).collect();
+fn longest_tests() -> Result<()> {
+    let list = read(optimized_tests().args(RELEASE).args(["--quiet", "--", "--list", "--format=terse"]))?;
     for (longest, instead) in LONGEST {
-        let is_there = names.contains(&longest) && names.iter().any(|name| name.ends_with(instead));
-        ensure!(is_there, "debug does not leave out {longest} or {instead}");
+        let has = |name: &str| list.lines().any(|line| line.strip_suffix(": test").is_some_and(|test| test.ends_with(name)));
+        ensure!(has(longest) && has(instead), "there is no test {longest} or {instead}");
     }
-    names.retain(|name| with_longest || LONGEST.iter().all(|(longest, _)| name != longest));
-    run_optimized_tests(&[&PROGRAM[..], &["--", "--exact"], &names].concat())
+    run_optimized_tests(&[&RELEASE[..], &["--", "--exact"], &LONGEST.map(|(longest, _)| longest)].concat())
 }
 
 fn run_optimized_tests(selection: &[&str]) -> Result<()> {
-    run_tests(&built_optimized_program()?, &[&OPTIMIZED[..], &["--release"], selection].concat())
+    run(optimized_tests().args(selection).env("MULTISCOPIC_BINARY", built_program()?))
+}
+
+/// Cargo's tests in release.
+fn optimized_tests() -> std::process::Command {
+    command("cargo", ["test", "--no-fail-fast", "--release"].iter().chain(&OPTIMIZED))
 }
 
 /// The toolchain for the boards with Arm processors.
@@ -253,16 +273,12 @@ fn arm() -> Result<Toolchain> {
     build::toolchain()
 }
 
-fn cargo(args: &[&str]) -> std::process::Command {
-    command("cargo", args)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     use anyhow::anyhow;
-    use std::fs;
+    use std::{collections::BTreeSet, fs};
 
     use crate::system;
 
@@ -293,6 +309,20 @@ mod tests {
             let expected: Vec<[String; 2]> = steps.iter().map(|step| [step.name.to_owned(), suites(step).to_owned()]).collect();
             assert_eq!(rows(&guide, heading), expected, "{heading}");
         }
+    }
+
+    #[test]
+    fn every_test_program_is_run() {
+        let folders = ["edge/drivers/tests", "fuzz/tests", "host/engine/tests", "tests/tests"];
+        let entries =
+            folders.into_iter().flat_map(|folder| fs::read_dir(system::root().join(folder)).expect("a folder of tests"));
+        let paths = entries.map(|entry| entry.expect("an entry").path());
+        let programs = paths.filter(|path| path.is_file() || path.join("main.rs").is_file());
+        let names: BTreeSet<String> =
+            programs.map(|path| format!("--test={}", path.file_stem().expect("a name").display())).collect();
+        // The virtual machine has the cameras.
+        let run = CHECKED.iter().chain(&RELEASE).chain(&["--test=cameras"]).filter(|option| option.starts_with("--test="));
+        assert_eq!(names, run.map(ToString::to_string).collect());
     }
 
     #[test]

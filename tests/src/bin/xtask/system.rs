@@ -95,11 +95,10 @@ pub const OPTIMIZED: [&str; 6] = [
 /// The program beside them, and its features.
 pub const OPTIMIZED_PROGRAM: [&str; 2] = ["-pmultiscopic-cli", "--features=multiscopic-cli/default"];
 
-/// Builds the command line as the tests in debug use it, and returns its path.
-///
-/// This runner is selected too, although it is there: cargo then builds the macros of both alike, and each library once.
-pub fn built_program() -> Result<PathBuf> {
-    built("build", &["-pmultiscopic-cli", "-pmultiscopic-tests", "--bin=multiscopic", "--bin=xtask"], "multiscopic", &[])
+/// Cargo with the options of the checked build, which are those of the alias that builds this runner.
+pub fn checked_cargo(verb: &str) -> Command {
+    let alias = include_str!("../../../../.cargo/config.toml").split('"');
+    command("cargo", [verb, "--release"].into_iter().chain(alias.filter(|word| word.starts_with("--config="))))
 }
 
 /// Builds the module for Python with the libraries of the tests in release, and returns its path.
@@ -116,8 +115,8 @@ pub fn built_extension() -> Result<PathBuf> {
     read(&mut cargo)?.lines().find_map(library).context("cargo built no module for Python")
 }
 
-/// Builds the command line as the tests in release use it, and returns its path.
-pub fn built_optimized_program() -> Result<PathBuf> {
+/// Builds the command line as the tests use it, and returns its path.
+pub fn built_program() -> Result<PathBuf> {
     built("build", &[&OPTIMIZED[..], &OPTIMIZED_PROGRAM, &["--release", "--bin=multiscopic"]].concat(), "multiscopic", &[])
 }
 

@@ -52,8 +52,7 @@ pub fn check_crates() -> Result<()> {
         patches += &format!("{name}.path = {package:?}\n");
     }
     let manifest = unpacked.join("Cargo.toml");
-    // Debug information as in the workspace, so that the dependencies need no second build.
-    let workspace = "[workspace]\nresolver = \"3\"\nmembers = [\"multiscopic*\"]\n[profile.dev]\ndebug = \"line-tables-only\"\n";
+    let workspace = "[workspace]\nresolver = \"3\"\nmembers = [\"multiscopic*\"]\n";
     fs::write(&manifest, format!("{workspace}{patches}")).with_context(|| format!("cannot write {}", manifest.display()))?;
     // The versions that the workspace was tested with.
     fs::copy(system::root().join("Cargo.lock"), unpacked.join("Cargo.lock"))?;

@@ -14,27 +14,21 @@ pub struct Crashing {
     /// Seed of the moments
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-
-    /// Kill the optimised program, which users run, instead of the one in debug
-    #[arg(long)]
-    release: bool,
 }
 
 impl Crashing {
     /// As often as by default.
-    pub const MANY: Crashing = Crashing { moments: 200, seed: 1, release: false };
+    pub const MANY: Crashing = Crashing { moments: 200, seed: 1 };
 
     /// Kills all commands.
     #[cfg(unix)]
     pub fn run(&self) -> Result<()> {
-        use crate::system::{built_optimized_program, built_program};
+        use crate::system::built_program;
         use multiscopic_reference::split_mix::Random;
         use multiscopic_tests::killed_commands::VICTIMS;
         use std::time::Instant;
 
-        // In debug, it is built as the runner itself, which takes no second build of everything.
-        let program = if self.release { built_optimized_program()? } else { built_program()? };
-        multiscopic_tests::program::use_binary(program);
+        multiscopic_tests::program::use_binary(built_program()?);
         for victim in VICTIMS {
             let start = Instant::now();
             let tally = victim.kill(self.moments, &mut Random(self.seed));

@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use anyhow::{Context, Result};
 
 use crate::{
-    system::{self, built_optimized_program, command, run},
+    system::{self, built_program, command, run},
     tools,
 };
 
@@ -23,7 +23,7 @@ pub fn run_tests() -> Result<()> {
     install(&folder, npm.command(&["ci", "--ignore-scripts", "--no-audit", "--no-fund"])?.current_dir(&folder))?;
     let demo = folder.join("demo");
     let _ = fs::remove_dir_all(&demo);
-    let program = built_optimized_program()?;
+    let program = built_program()?;
     run(command(&program.to_string_lossy(), ["demo", "--width", "320", "--height", "240", "-o"]).arg(&demo))?;
     let mut test = node.command(&["page.test.mjs"])?;
     run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")).arg(&demo).arg(&screenshots))?;

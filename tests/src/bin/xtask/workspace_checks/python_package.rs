@@ -9,7 +9,7 @@ use std::{
 use anyhow::{Context, Result};
 
 use crate::{
-    system::{self, built_extension, built_optimized_program, command, run},
+    system::{self, built_extension, built_program, command, run},
     tools,
 };
 
@@ -107,7 +107,7 @@ impl PythonEnvironment {
     fn tests(&self) -> Result<Command> {
         let pytest = ["-m", "pytest", "--quiet", "-p", "no:cacheprovider", "python"];
         let mut pytest = command(&self.program("python"), pytest);
-        pytest.env("MULTISCOPIC_BINARY", built_optimized_program()?).env("PYTHONDONTWRITEBYTECODE", "1");
+        pytest.env("MULTISCOPIC_BINARY", built_program()?).env("PYTHONDONTWRITEBYTECODE", "1");
         Ok(pytest)
     }
 

@@ -1,22 +1,12 @@
-//! The core and the host's engine equal the float reference on every bit: the core with any number of lanes, in any region, the
-//! engine with each kernel that this processor supports and any number of threads. So does the core's arithmetic, one function at
-//! a time: fusion, refinement, and depth in fixed point.
+//! The core equals the float reference on every bit, with any number of lanes, in any region. So does the core's arithmetic, one
+//! function at a time: fusion, refinement, and depth in fixed point.
 //!
 //! Golden images in `tests/golden/` have five views of a small scene, and their disparities by the references.
 //! `UPDATE_GOLDEN=1 cargo test -p multiscopic-tests --test matching golden` generates them: the views from the formulas below,
 //! the disparities from the references, never from the core.
 
-use std::{
-    env,
-    fmt::Debug,
-    path::PathBuf,
-    sync::{
-        Once,
-        atomic::{AtomicUsize, Ordering},
-    },
-};
+use std::{env, fmt::Debug, path::PathBuf, sync::Once};
 
-use multiscopic::Engine;
 use multiscopic_core::{
     BlockMatchingParams, Disparity, Fusion as CoreFusion, MatchingCost, Region, Triangulation,
     kernel::{Kernel, Portable},
@@ -24,11 +14,8 @@ use multiscopic_core::{
 use multiscopic_reference::{Fusion, fixed, fuse, raw16, split_mix::Random};
 use multiscopic_tests::test_images::{
     ViewSet,
-    case::{Appearance, Case, cases, property, wide_cases},
-    core_match::{
-        assert_equal, cut, engines, matched, matched_with_peaks, params, params_in, semi_global_params, semi_globally_matched,
-        views,
-    },
+    case::{Appearance, Case, cases, property},
+    core_match::{cut, matched, matched_with_peaks, params, params_in, semi_global_params, semi_globally_matched, views},
     golden::{self, GOLDEN, Golden, GoldenMethod},
     read_raw16,
 };
@@ -255,37 +242,6 @@ fn small_matches_equal_the_reference() {
 #[test]
 fn larger_matches_equal_the_reference() {
     property(100, cases(1_000_000, 100_000), check);
-}
-
-/// The numbers of threads of engines.
-const THREADS: [usize; 3] = [1, 2, 5];
-
-/// Matches with an engine of each instruction set.
-fn check_engines(engines: &[Engine], case: &Case) {
-    let images = case.images();
-    let (frames, expected) = (images.frames(), case.reference(&images));
-    let first = case.seed as usize % THREADS.len();
-    for engine in engines.iter().skip(first).step_by(THREADS.len()) {
-        let lines = AtomicUsize::new(0);
-        let map = engine.disparities(&frames.planes(), &case.params(), &|| {
-            lines.fetch_add(1, Ordering::Relaxed);
-        });
-        let map = map.expect("the frames fit the search");
-        assert_eq!(lines.into_inner(), case.height, "lines reported as done");
-        assert_equal(&map, &expected, &format!("{} on {} threads", engine.simd(case.params().search()), engine.threads()));
-    }
-}
-
-#[test]
-fn engines_equal_the_reference() {
-    let engines = engines(THREADS);
-    property(500, cases(30_000, 10_000), |case: &Case| check_engines(&engines, case));
-}
-
-#[test]
-fn engines_equal_the_reference_in_wide_images() {
-    let engines = engines(THREADS);
-    property(1000, wide_cases(), |case: &Case| check_engines(&engines, case));
 }
 
 /// Value noise: random greys at the corners of cells, interpolated linearly.

@@ -1,5 +1,6 @@
-//! The host's other methods, and what the core has for them, equal their definitions.
+//! The host's methods, and what the core has for them, equal their definitions.
 
+mod block_matching;
 mod cost_volumes;
 mod graph_cuts;
 mod lucas_kanade;

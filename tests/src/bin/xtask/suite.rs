@@ -74,8 +74,7 @@ const CHECKED: [&str; 16] = [
     "--test=ur_rtde",
 ];
 /// The tests in release: of the program, and of what computes, which optimisation might change.
-const RELEASE: [&str; 7] =
-    ["--lib", "--test=capture", "--test=commands", "--test=matching", "--test=mccnn", "--test=methods", "--test=real_data"];
+const RELEASE: [&str; 6] = ["--lib", "--test=capture", "--test=commands", "--test=mccnn", "--test=methods", "--test=real_data"];
 /// The tests of bytes from outside and of rectification by lines, which are mostly integers and bounds, and of the pipeline to
 /// packets, which the sample of the firmware tests optimised too.
 const OTHER_COMPUTATIONS: [&str; 4] = ["-pmultiscopic-edge", "--lib", "--test=outside_bytes", "--test=rectified_lines"];

@@ -95,6 +95,7 @@ const MIRI_TESTS: [&[&str]; 2] = [
     &[
         "--package=multiscopic-tests",
         "--test=matching",
+        "--test=methods",
         "--",
         "small_matches",
         "engines_equal",

@@ -50,8 +50,8 @@ enum Task {
     Check,
     /// Run the tests: debug and release builds, cameras in a virtual machine, a sample of the firmware in the emulator
     Test(Extent),
-    /// Run every test in an emulator: of the firmware, and of cameras
-    Emulated(Extent),
+    /// Run the tests that `test` has in the background: of the firmware and of cameras in emulators, archives, pages, instructions
+    Background(Extent),
     /// Check formatting, architecture, lints and documentation
     Lint,
     /// Build the firmware, run it in the emulator, compare it with the host bit for bit, and measure it
@@ -121,7 +121,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Architecture => suite::architecture(),
         Task::Setup => build::set_up().map(drop),
         Task::Test(extent) => extent.test(),
-        Task::Emulated(extent) => extent.emulated(),
+        Task::Background(extent) => extent.background(),
         Task::Check => suite::check(),
         Task::Lint => suite::lint(),
         Task::V4l2 => machine::run_camera_tests(true),

@@ -99,15 +99,12 @@ const LINT: [Step; 8] = [
     Step { name: "documentation", scope: Test, run: static_checks::documentation },
 ];
 
-/// The tests on this machine. Those that need the same build are beside each other.
-const TESTS: [Step; 27] = [
+/// The tests that build for this machine, or take all of its processors. Those that need the same build are beside each other.
+const TESTS: [Step; 24] = [
     Step { name: "the published packages, packed", scope: Sample, run: publishing::pack_crates },
     Step { name: "tests in release", scope: Test, run: tests_in_release },
     Step { name: "tests in the checked build", scope: Test, run: checked_tests },
     Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
-    Step { name: "archives of the program", scope: Test, run: release::check },
-    Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
-    Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
     Step { name: "the longest tests in release", scope: All, run: longest_tests },
     Step { name: "other computations in release", scope: All, run: || run_optimized_tests(&OTHER_COMPUTATIONS) },
     Step {
@@ -134,8 +131,9 @@ const TESTS: [Step; 27] = [
     Step { name: "mutants of the selection", scope: All, run: || Mutating::of("selection").run() },
 ];
 
-/// The tests in emulators: of the firmware, of the libraries as firmware depends on them, and of cameras.
-const EMULATED: [Step; 17] = [
+/// The tests that take one processor at a time: of the firmware in emulators, of the libraries as firmware depends on them, of
+/// cameras, and of the program in release.
+const BACKGROUND: [Step; 20] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
     Step { name: "lints for RISC-V", scope: All, run: static_checks::lints_for_risc_v },
     Step { name: "lints for the Pico 2", scope: All, run: || build::lint_pico2(&arm()?) },
@@ -155,13 +153,16 @@ const EMULATED: [Step; 17] = [
     Step { name: "no panics", scope: All, run: || firmware_checks::no_panic(&arm()?, true) },
     Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },
     Step { name: "many flipped bits", scope: All, run: || BitFlips::many().run(&arm()?) },
-    // By then the steps beside these have built the program in release, which the machine runs.
+    // By then the steps beside these have built the program in release, which the rest run.
     Step { name: "cameras in a virtual machine", scope: Sample, run: || machine::run_camera_tests(false) },
     Step { name: "cameras and stages in a virtual machine", scope: All, run: || machine::run_camera_tests(true) },
+    Step { name: "archives of the program", scope: Test, run: release::check },
+    Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
+    Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
 ];
 
-/// The step of `test` that waits for the tests in emulators.
-const WAITING: &str = "emulators, in the background";
+/// The step of `test` that waits for them.
+const WAITING: &str = "the steps in the background";
 
 /// The disk space and time that the suites take, as measured on two processors.
 const LINT_NEEDS: Needs = Needs { command: "cargo xtask lint", disk_gib: 2.5, minutes: 6 };
@@ -178,25 +179,24 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Every test of this extent. Those in emulators run in the background: their compilers and emulators use one processor at
-    /// a time.
+    /// Every test of this extent.
     pub fn test(self) -> Result<()> {
         let needs = if self.all { ALL_NEEDS } else { TEST_NEEDS };
         needs.check()?;
         let mut report = Report::default();
         report.step("setup", || build::set_up().map(drop));
-        let arguments = iter::once("emulated").chain(self.all.then_some("--all"));
-        let emulated = BackgroundTask::start(&arguments.collect::<Vec<_>>())?;
+        let arguments = iter::once("background").chain(self.all.then_some("--all"));
+        let background = BackgroundTask::start(&arguments.collect::<Vec<_>>())?;
         report.run(self.steps(&TESTS));
-        report.step(WAITING, || emulated.finish());
+        report.step(WAITING, || background.finish());
         report.finish()
     }
 
-    /// Every test in an emulator of this extent.
-    pub fn emulated(self) -> Result<()> {
+    /// Those of them that run in the background.
+    pub fn background(self) -> Result<()> {
         let mut report = Report::default();
         report.step("setup", || build::set_up().map(drop));
-        report.run(self.steps(&EMULATED));
+        report.run(self.steps(&BACKGROUND));
         report.finish()
     }
 
@@ -296,8 +296,7 @@ mod tests {
     #[test]
     fn the_guide_lists_every_step() {
         let guide = fs::read_to_string(system::root().join("docs/testing.md")).expect("the guide");
-        for (heading, steps) in
-            [("## Lint\n", &LINT[..]), ("## Tests on this machine\n", &TESTS), ("## Tests in emulators\n", &EMULATED)]
+        for (heading, steps) in [("## Lint\n", &LINT[..]), ("## Tests\n", &TESTS), ("## Tests in the background\n", &BACKGROUND)]
         {
             let suites = |scope| match scope {
                 Test => "`test`",

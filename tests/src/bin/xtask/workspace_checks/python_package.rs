@@ -60,8 +60,7 @@ pub fn wheels() -> Result<PathBuf> {
     let wheels = folder().join("wheels");
     let _ = fs::remove_dir_all(&wheels);
     let python = environment.program("python");
-    let build =
-        ["build", "--profile", "dev", "--locked", "--quiet", "--manifest-path", "python/Cargo.toml", "--interpreter", &python];
+    let build = ["build", "--release", "--locked", "--quiet", "--manifest-path", "python/Cargo.toml", "--interpreter", &python];
     run(command(&environment.program("maturin"), build).arg("--out").arg(&wheels))?;
     Ok(wheels)
 }

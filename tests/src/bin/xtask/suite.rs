@@ -166,7 +166,7 @@ const WAITING: &str = "the steps in the background";
 
 /// The disk space and time that the suites take, as measured on two processors.
 const LINT_NEEDS: Needs = Needs { command: "cargo xtask lint", disk_gib: 2.5, minutes: 6 };
-const TEST_NEEDS: Needs = Needs { command: "cargo xtask test", disk_gib: 6.0, minutes: 30 };
+const TEST_NEEDS: Needs = Needs { command: "cargo xtask test", disk_gib: 4.0, minutes: 25 };
 const ALL_NEEDS: Needs = Needs { command: "cargo xtask test --all", disk_gib: 24.0, minutes: 600 };
 
 /// The extent of the tests.

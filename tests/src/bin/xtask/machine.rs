@@ -19,7 +19,7 @@ use std::{
 };
 
 use crate::{
-    system::{self, OPTIMIZED, built_program, built_test, command, exit_code_within, read, run},
+    system::{self, built_program, built_test, command, exit_code_within, optimized_tests, read, run},
     tools::{self, Tool, debian},
 };
 
@@ -49,7 +49,7 @@ const LONG: [&str; 4] = [
 pub fn run_camera_tests(with_long: bool) -> Result<()> {
     if let Some(reason) = missing() {
         println!("v4l2: no virtual machine: {reason}");
-        return run(command("cargo", ["test", "--no-fail-fast", "--release", "--test", TEST]).args(OPTIMIZED));
+        return run(optimized_tests().args(["--test", TEST]));
     }
     let mut machine = Machine::new()?;
     let program = built_program()?;

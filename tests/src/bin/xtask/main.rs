@@ -48,7 +48,7 @@ enum Task {
     /// Run the checks for every change, a minute or two: formatting, architecture, lints, unit tests,
     /// bit-exactness
     Check,
-    /// Run the tests: debug and release builds, cameras in a virtual machine, a sample of the firmware in the emulator
+    /// Run the tests: checked and release builds, cameras in a virtual machine, a sample of the firmware in the emulator
     Test(Extent),
     /// Run the tests that `test` has in the background: of the firmware and of cameras in emulators, archives, pages, instructions
     Background(Extent),

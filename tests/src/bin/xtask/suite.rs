@@ -20,7 +20,7 @@ use crate::{
     },
     machine,
     publishing::{self, PublicApi, release, supply_chain::SupplyChain},
-    system::{BackgroundTask, OPTIMIZED, PYTHON_PACKAGE, built_program, checked_cargo, command, read, run},
+    system::{BackgroundTask, PYTHON_PACKAGE, built_program, checked_cargo, optimized_tests, read, run},
     tools::Toolchain,
     workspace_checks::{
         cluster::Clusters,
@@ -245,26 +245,28 @@ fn all<const N: usize>(results: [Result<()>; N]) -> Result<()> {
 }
 
 fn tests_in_release() -> Result<()> {
-    let skipped = LONGEST.iter().flat_map(|(longest, _)| ["--skip", longest]).collect::<Vec<_>>();
-    run_optimized_tests(&[&RELEASE[..], &["--", "--exact"], &skipped].concat())
+    let skipped = longest()?.map(|name| ["--skip", name]);
+    run_optimized_tests(&[&RELEASE[..], &["--", "--exact"], skipped.as_flattened()].concat())
 }
 
 fn longest_tests() -> Result<()> {
-    let list = read(optimized_tests().args(RELEASE).args(["--quiet", "--", "--list", "--format=terse"]))?;
+    run_optimized_tests(&[&RELEASE[..], &["--", "--exact"], &longest()?].concat())
+}
+
+/// The names of the longest tests. Fails if one is not there, or what else tests its subject.
+fn longest() -> Result<[&'static str; LONGEST.len()]> {
+    let list = ["--test=capture", "--test=commands", "--quiet", "--", "--list", "--format=terse"];
+    let list = read(optimized_tests().args(list))?;
+    let names: Vec<&str> = list.lines().filter_map(|line| line.strip_suffix(": test")).collect();
     for (longest, instead) in LONGEST {
-        let has = |name: &str| list.lines().any(|line| line.strip_suffix(": test").is_some_and(|test| test.ends_with(name)));
-        ensure!(has(longest) && has(instead), "there is no test {longest} or {instead}");
+        let is_there = names.contains(&longest) && names.iter().any(|name| name.ends_with(instead));
+        ensure!(is_there, "there is no test {longest} or {instead}");
     }
-    run_optimized_tests(&[&RELEASE[..], &["--", "--exact"], &LONGEST.map(|(longest, _)| longest)].concat())
+    Ok(LONGEST.map(|(longest, _)| longest))
 }
 
 fn run_optimized_tests(selection: &[&str]) -> Result<()> {
     run(optimized_tests().args(selection).env("MULTISCOPIC_BINARY", built_program()?))
-}
-
-/// Cargo's tests in release.
-fn optimized_tests() -> std::process::Command {
-    command("cargo", ["test", "--no-fail-fast", "--release"].iter().chain(&OPTIMIZED))
 }
 
 /// The toolchain for the boards with Arm processors.

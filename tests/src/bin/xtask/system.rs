@@ -115,6 +115,11 @@ pub fn built_extension() -> Result<PathBuf> {
     read(&mut cargo)?.lines().find_map(library).context("cargo built no module for Python")
 }
 
+/// Cargo's tests in release.
+pub fn optimized_tests() -> Command {
+    command("cargo", ["test", "--no-fail-fast", "--release"].iter().chain(&OPTIMIZED))
+}
+
 /// Builds the command line as the tests use it, and returns its path.
 pub fn built_program() -> Result<PathBuf> {
     built("build", &[&OPTIMIZED[..], &OPTIMIZED_PROGRAM, &["--release", "--bin=multiscopic"]].concat(), "multiscopic", &[])

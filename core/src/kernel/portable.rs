@@ -1,7 +1,5 @@
 //! Plain Rust over arrays: the definition of every operation.
 
-use core::array;
-
 use super::{
     blocks::Blocks,
     bytes::{ByteVector, Bytes, PixelLoops, RunLoops},
@@ -13,6 +11,18 @@ use super::{
 /// Every other instruction set is compared with the one that has as many lanes and batches as large.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Portable<const N: usize, const B: usize = 1>;
+
+/// The vector of which `lane` gives each lane. A loop is less to compile than `array::from_fn`.
+#[inline(always)]
+fn lanes<T: Copy + Default, const N: usize>(mut lane: impl FnMut(usize) -> T) -> [T; N] {
+    let mut lanes = [T::default(); N];
+    let mut i = 0;
+    while i < N {
+        lanes[i] = lane(i);
+        i += 1;
+    }
+    lanes
+}
 
 impl<const N: usize, const B: usize> Sealed for Portable<N, B> {}
 
@@ -31,14 +41,14 @@ impl<const N: usize, const B: usize> Isa for Portable<N, B> {
     #[inline(always)]
     fn differences(self, center: u8, view: &[u8; N]) -> [u16; N] {
         // In bytes, then widened: twice as many fit a register.
-        view.map(|sample| center.max(sample) - center.min(sample)).map(u16::from)
+        lanes(|i| u16::from(center.max(view[i]) - center.min(view[i])))
     }
 
     #[inline(always)]
     fn advance(self, sums: [u16; N], center: Change<u8>, view: Change<&[u8; N]>) -> [u16; N] {
         let (entering, leaving) =
             (self.differences(center.entering, view.entering), self.differences(center.leaving, view.leaving));
-        array::from_fn(|i| sums[i].wrapping_add(entering[i]).wrapping_sub(leaving[i]))
+        lanes(|i| sums[i].wrapping_add(entering[i]).wrapping_sub(leaving[i]))
     }
 }
 
@@ -52,7 +62,7 @@ impl<const N: usize> Column for [u16; N] {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        array::from_fn(|i| self[i].wrapping_add(other[i]))
+        lanes(|i| self[i].wrapping_add(other[i]))
     }
 }
 
@@ -91,27 +101,27 @@ macro_rules! blocks {
 
             #[inline(always)]
             fn slide(self, entering: [u16; N], leaving: [u16; N]) -> Self {
-                array::from_fn(|i| self[i].wrapping_add(entering[i].wrapping_sub(leaving[i]) as i16 as $lane))
+                lanes(|i| self[i].wrapping_add(entering[i].wrapping_sub(leaving[i]) as i16 as $lane))
             }
 
             #[inline(always)]
             fn add(self, other: Self) -> Self {
-                array::from_fn(|i| self[i].$add(other[i]))
+                lanes(|i| self[i].$add(other[i]))
             }
 
             #[inline(always)]
             fn min(self, other: Self) -> Self {
-                array::from_fn(|i| self[i].min(other[i]))
+                lanes(|i| self[i].min(other[i]))
             }
 
             #[inline(always)]
             fn max(self, other: Self) -> Self {
-                array::from_fn(|i| self[i].max(other[i]))
+                lanes(|i| self[i].max(other[i]))
             }
 
             #[inline(always)]
             fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
-                array::from_fn(|i| if self[i] > other[i] { then[i] } else { otherwise[i] })
+                lanes(|i| if self[i] > other[i] { then[i] } else { otherwise[i] })
             }
 
             #[inline(always)]
@@ -140,7 +150,7 @@ impl<const N: usize, const B: usize> Bytes for Portable<N, B> {
 
     #[inline(always)]
     fn byte_indices(self) -> [u8; N] {
-        array::from_fn(|i| i as u8)
+        lanes(|i| i as u8)
     }
 
     #[inline(always)]
@@ -169,37 +179,37 @@ impl<const N: usize> ByteVector for [u8; N] {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        array::from_fn(|i| self[i].saturating_add(other[i]))
+        lanes(|i| self[i].saturating_add(other[i]))
     }
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        array::from_fn(|i| self[i].saturating_sub(other[i]))
+        lanes(|i| self[i].saturating_sub(other[i]))
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        array::from_fn(|i| self[i].min(other[i]))
+        lanes(|i| self[i].min(other[i]))
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        array::from_fn(|i| self[i].max(other[i]))
+        lanes(|i| self[i].max(other[i]))
     }
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
-        array::from_fn(|i| if self[i] > other[i] { then[i] } else { otherwise[i] })
+        lanes(|i| if self[i] > other[i] { then[i] } else { otherwise[i] })
     }
 
     #[inline(always)]
     fn halved(self) -> Self {
-        self.map(|lane| lane / 2)
+        lanes(|i| self[i] / 2)
     }
 
     #[inline(always)]
     fn third(self) -> Self {
-        self.map(|lane| lane / 3)
+        lanes(|i| self[i] / 3)
     }
 
     #[inline(always)]
@@ -214,12 +224,12 @@ impl<const N: usize> ByteVector for [u8; N] {
 
     #[inline(always)]
     fn moved_up(self, previous: Self) -> Self {
-        array::from_fn(|i| if i == 0 { previous[N - 1] } else { self[i - 1] })
+        lanes(|i| if i == 0 { previous[N - 1] } else { self[i - 1] })
     }
 
     #[inline(always)]
     fn moved_down(self, next: Self) -> Self {
-        array::from_fn(|i| if i == N - 1 { next[0] } else { self[i + 1] })
+        lanes(|i| if i == N - 1 { next[0] } else { self[i + 1] })
     }
 }
 

@@ -210,8 +210,8 @@ impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
         }
         let needs_peaks = sweep.out.peaks.is_some() || sweep.params.uniqueness_ratio().is_some();
         match (const { I::BATCH == 1 }, needs_peaks) {
-            (true, false) => sweep.by_pixel::<false>(),
-            (true, true) => sweep.by_pixel::<true>(),
+            (true, false) if cfg!(target_arch = "arm") => sweep.by_pixel::<false>(needs_peaks),
+            (true, _) => sweep.by_pixel::<true>(needs_peaks),
             (false, _) => sweep.by_batch(),
         }
     }
@@ -221,10 +221,10 @@ impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
 // while the least cost is in a register, where the fusing loop left it. An out-of-order processor hides the
 // latency of selection, but only across a batch.
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>> {
-    /// Pixel by pixel, with peak ratios if `PEAKS` is set. A function of its own, since small processors have few
-    /// registers.
+    /// Pixel by pixel, with peak ratios if `needs_peaks` and `PEAKS` are set. Small processors have few registers: for them the
+    /// function without is one of its own.
     #[inline(never)]
-    fn by_pixel<const PEAKS: bool>(self) {
+    fn by_pixel<const PEAKS: bool>(self, needs_peaks: bool) {
         let Sweep { isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out, .. } = self;
         let DisparityLine { disparities, peaks } = out;
         let mut peaks = peaks.unwrap_or_default().iter_mut();
@@ -244,7 +244,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             }
             let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
             let exact = || Exact { params, u, v, prior, blocks };
-            if PEAKS {
+            if PEAKS && (cfg!(target_arch = "arm") || needs_peaks) {
                 let grade;
                 (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, exact);
                 if let Some(peak) = peaks.next() {

@@ -15,6 +15,24 @@ const MIN_PILE: f64 = 0.02;
 const PILE: f64 = 3.0;
 
 /// Frames' properties before they are matched: what the images show, how they were rectified, and the range to search.
+///
+/// ```
+/// # #[cfg(feature = "scene")] {
+/// use multiscopic::{Engine, MatchSetup, Method, scene::RandomScene};
+/// use multiscopic_core::{Fusion, SearchConfig, Views};
+///
+/// let frames = RandomScene::new(3, 0, [256, 192]).ideal().render(Views::HORIZONTAL).color_frames();
+/// let setup = MatchSetup::new(&frames, true, |(min_disparity, num_disparities)| {
+///     let size = SearchConfig::of_size(256, 192);
+///     Ok(SearchConfig { views: frames.views(), fusion: Fusion::Min, min_disparity, num_disparities, ..size }.checked()?)
+/// })?;
+/// let map = Method::net().disparities(&Engine::default(), &frames, &setup.search, &())?;
+/// for warning in setup.warnings(&map, &setup.search) {
+///     println!("{warning}");
+/// }
+/// # }
+/// # Ok::<(), multiscopic::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct MatchSetup {
     /// The inspection of the prepared images.

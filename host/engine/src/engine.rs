@@ -21,6 +21,15 @@ use crate::{
 /// engine and keep it for all matches: threads take time to start. [`disparities`](Engine::disparities) matches blocks.
 /// Semi-global matching, the network and costs borrow the engine that they run on. Their results are the same, bit for bit,
 /// with any number of threads and any instructions.
+///
+/// ```
+/// use multiscopic_engine::{Engine, Simd};
+///
+/// // Two threads, and the instructions that every processor has.
+/// let engine = Engine::new(Some(Simd::BASELINE), 2)?;
+/// assert_eq!(engine.threads(), 2);
+/// # Ok::<(), multiscopic_engine::EngineError>(())
+/// ```
 #[derive(Debug)]
 pub struct Engine {
     simd: Option<Simd>,

@@ -4,6 +4,14 @@
 ///
 /// Make one from pixels by [`new`](Raster::new), or of one value by [`filled`](Raster::filled). Read it by pixel
 /// ([`get`](Raster::get)), by row ([`row`](Raster::row), [`rows`](Raster::rows)) or as a whole ([`pixels`](Raster::pixels)).
+///
+/// ```
+/// use multiscopic_engine::Raster;
+///
+/// let raster = Raster::new(3, 2, vec![1, 2, 3, 4, 5, 6]);
+/// assert_eq!((raster.width(), raster.height(), raster.get(2, 1)), (3, 2, 6));
+/// assert_eq!(raster.map(|p| p * 2).row(0), [2, 4, 6]);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster<T> {
     width: usize,

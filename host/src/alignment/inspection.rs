@@ -68,6 +68,18 @@ const MIN_SHARPNESS: f64 = 0.15;
 const MUCH_BETTER: usize = 4;
 
 /// The properties of a capture's images that are seen before matching.
+///
+/// ```
+/// # #[cfg(feature = "scene")] {
+/// use multiscopic::{Inspection, scene::RandomScene};
+/// use multiscopic_core::Views;
+///
+/// let shot = RandomScene::new(3, 0, [256, 192]).ideal().render(Views::HORIZONTAL);
+/// let inspection = Inspection::of(&shot.color_frames());
+/// let (first, count) = inspection.range.expect("the corners of the scene are found in both views");
+/// println!("{} corners, disparities from {first} to {}", inspection.corners.len(), first + count as i16 - 1);
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspection {
     /// The smallest disparity and the number of disparities, in pixels of the unit baseline. `None` if too few corners are

@@ -21,6 +21,16 @@ use crate::{
 /// The rest of the array has the same names: R.C from 1.1 to 5.5 in `tsukuba`, and 9 cameras a row in `hci4d`.
 ///
 /// The cameras of `hci4d` are four steps from the centre by default, and one or two with other [`CameraSteps`].
+///
+/// ```
+/// use multiscopic::Dataset;
+/// use multiscopic_core::Views;
+///
+/// let dataset: Dataset = "tsukuba".parse()?;
+/// assert_eq!(dataset.views(), Views::CROSS);
+/// assert_eq!(dataset.range(), (1, 18));
+/// # Ok::<(), multiscopic::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dataset {
     /// Middlebury 2006 at a third of its full size: three views in a row.

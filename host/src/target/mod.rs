@@ -24,6 +24,16 @@ pub use measured::{FirmwareCostTable, FirmwareCosts, MEASURED};
 pub use ram::{Buffer, Ram};
 
 /// A processor, by its core.
+///
+/// ```
+/// use multiscopic::target::{Processor, Ram};
+/// use multiscopic_core::Fusion;
+///
+/// let matching = multiscopic_edge::profile::QQVGA.matching(Fusion::Heuristic);
+/// let ram = Ram::new(&matching, Processor::CortexM4);
+/// println!("{} bytes, {:?} instructions", ram.bytes(), Processor::CortexM4.instructions(&matching));
+/// assert!(ram.bytes() < 20 * 1024);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Processor {
     /// Arm Cortex-M4, with the DSP instructions of Armv7E-M.

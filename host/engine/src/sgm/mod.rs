@@ -30,6 +30,25 @@ use wavefront::Wavefront;
 ///
 /// Start from [`default_for`](SemiGlobal::default_for) with the cost and the number of views. Then call
 /// [`optimize`](SemiGlobal::optimize) with fused [costs](CostRows) to select disparities.
+///
+/// ```
+/// use multiscopic_core::{Census, Fusion, SearchConfig, SemiGlobalCost, View, Views};
+/// use multiscopic_engine::{Engine, Planes, cost::CensusRows, sgm::SemiGlobal};
+///
+/// // Random texture, two pixels further to the left in the right view.
+/// let texture = |u: usize, v: usize| ((u * 2654435761 + v * 40503) >> 7) as u8;
+/// let image = |shift: usize| (0..64 * 32).map(|i| texture(i % 64 + shift, i / 64)).collect::<Vec<u8>>();
+/// let (center, right) = (image(0), image(2));
+/// let frames = Planes::new([64, 32], &center).with(View::RIGHT, &right);
+///
+/// let search = SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(64, 32) };
+/// let (engine, search) = (Engine::default(), search.checked()?);
+/// let costs = CensusRows::new(&frames, &search, Census::default(), &engine);
+/// let sgm = SemiGlobal::default_for(SemiGlobalCost::Census(Census::default()), 1);
+/// let (map, _) = sgm.optimize(&costs, &center, &engine, false, None, &());
+/// assert_eq!(map.get(40, 16).map(f32::from), Some(2.0));
+/// # Ok::<(), multiscopic_engine::EngineError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SemiGlobal {
     /// The sides that paths come from.

@@ -58,6 +58,15 @@ impl Smoothness {
 }
 
 /// The parameters of graph cuts.
+///
+/// ```
+/// use multiscopic::{GraphCuts, Method, stereo::{Pipeline, cost::BirchfieldTomasi}};
+///
+/// // The paper's parameters, at half a pixel.
+/// let cuts = GraphCuts { upsample: 2, ..GraphCuts::default() };
+/// let method = Method::new(Pipeline::GraphCuts { cost: BirchfieldTomasi { color: true }, cuts });
+/// # assert!(method != Method::graph_cuts());
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraphCuts {
     /// The cost of an occlusion in intensities: the paper's K. If `None`, it is found from the images.

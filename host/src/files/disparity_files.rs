@@ -125,32 +125,40 @@ pub(crate) fn decode_pfm(path: &Path, bytes: &[u8], limits: Limits) -> Result<Fl
         _ => return Err(Error::format(path, "another kind of file", expected)),
     }
     let width = next_number(path, &mut rest, "width")?;
+    // Photoshop gives each side a line of its own, and writes the rows from the top.
+    let is_from_the_top = rest.iter().take_while(|byte| byte.is_ascii_whitespace()).any(|byte| b"\r\n".contains(byte));
     let height = next_number(path, &mut rest, "height")?;
     let scale: f32 = next_number(path, &mut rest, "scale")?;
     if !scale.is_finite() || scale == 0.0 {
         return Err(Error::format(path, format!("a PFM scale of {scale}"), "-1 (little-endian) or 1 (big-endian)"));
     }
     limits.check_size(path, width, height)?;
-    let bytes = 4 * u64::from(width) * u64::from(height);
-    if rest.len() as u64 != bytes {
-        let found = format!("{} bytes of pixels", rest.len());
+    let (width, height) = (width as usize, height as usize);
+    let bytes = 4 * width * height;
+    // One white-space character ends the header. Some programs write several.
+    let blanks = rest.len().saturating_sub(bytes);
+    let Some((_, pixels)) =
+        rest.split_at_checked(blanks).filter(|(blanks, _)| !blanks.is_empty() && blanks.trim_ascii().is_empty())
+    else {
+        let found = format!("{} bytes of pixels", rest.len().saturating_sub(1));
         return Err(Error::format(path, found, format!("{bytes} for {width}x{height} pixels")));
-    }
+    };
 
     let value = if scale > 0.0 { f32::from_be_bytes } else { f32::from_le_bytes };
-    let (width, height) = (width as usize, height as usize);
-    let rows_from_the_top = rest.chunks_exact(4 * width).rev();
-    let pixels = rows_from_the_top.flat_map(|row| row.as_chunks().0.iter().map(|&bytes| value(bytes))).collect();
+    let mut rows: Vec<&[u8]> = pixels.chunks_exact(4 * width).collect();
+    if !is_from_the_top {
+        rows.reverse();
+    }
+    let pixels = rows.into_iter().flat_map(|row| row.as_chunks().0.iter().map(|&bytes| value(bytes))).collect();
     Ok(FloatImage::new(width, height, pixels))
 }
 
-/// Takes the next word of the header from the front of `rest`, and the one white-space character (or CR LF)
-/// that ends it.
+/// Takes the next word of the header, which white space ends, from the front of `rest`.
 fn next_word<'a>(rest: &mut &'a [u8]) -> Option<&'a str> {
     let start = rest.trim_ascii_start();
     let length = start.iter().position(u8::is_ascii_whitespace)?;
     let (word, end) = start.split_at(length);
-    *rest = end.strip_prefix(b"\r\n").unwrap_or(&end[1..]);
+    *rest = end;
     str::from_utf8(word).ok()
 }
 
@@ -228,10 +236,13 @@ mod tests {
     fn both_byte_orders_and_any_white_space() {
         let pixels = [0.5f32, 3.0];
         let (little, big) = (pixels.map(f32::to_le_bytes).concat(), pixels.map(f32::to_be_bytes).concat());
-        for header in ["Pf\n1 2\n-1\n", "Pf 1  2\t-0.003922 ", "Pf\r\n1 2\r\n-1.0\r\n", "Pf\n\n1\n2\n-1e3\n"] {
+        for header in ["Pf\n1 2\n-1\n", "Pf 1  2\t-0.003922 ", "Pf\r\n1 2\r\n-1.0\r\n", "Pf\n1 2\n-1.0 \n"] {
             assert_eq!(decode(&[header.as_bytes(), &little].concat()).unwrap().pixels(), [3.0, 0.5], "{header:?}");
         }
         assert_eq!(decode(&[b"Pf\n1 2\n1\n", &big[..]].concat()).unwrap().pixels(), [3.0, 0.5]);
+        for header in ["Pf\n1\n2\n-1.0\n", "Pf\r\n1\r\n2\r\n-1e3\r\n"] {
+            assert_eq!(decode(&[header.as_bytes(), &little].concat()).unwrap().pixels(), [0.5, 3.0], "{header:?} of Photoshop");
+        }
         // The first pixel may consist of white-space characters.
         assert_eq!(decode(b"Pf\n1 1\n-1\n\n\n\n\n").unwrap().pixels(), [f32::from_le_bytes([10; 4])]);
     }

@@ -12,7 +12,10 @@ use std::{
 
 use image::{
     DynamicImage, EncodableLayout, ImageBuffer, ImageDecoder, ImageError, ImageFormat, ImageReader, PixelWithColorType,
-    codecs::{png::PngEncoder, pnm::PnmDecoder},
+    codecs::{
+        png::PngEncoder,
+        pnm::{PnmDecoder, PnmSubtype, SampleEncoding},
+    },
     metadata::Orientation,
 };
 
@@ -36,7 +39,8 @@ pub(crate) fn is_depth_unknown(path: &Path, bytes: &[u8], limits: Limits) -> Res
     file.caught(|| {
         let color = file.decoder()?.color_type();
         let has_16_bits = color.bytes_per_pixel() == 2 * color.channel_count();
-        Ok(has_16_bits && (file.format != ImageFormat::Pnm || file.netpbm_white()? == u32::from(u16::MAX)))
+        let white = || Netpbm::read(bytes).map(|netpbm| netpbm.white);
+        Ok(has_16_bits && (file.format != ImageFormat::Pnm || white() == Some(u16::MAX.into())))
     })
 }
 
@@ -72,6 +76,9 @@ impl CodedFile<'_> {
         if is_truncated(self.format, self.bytes, u64::from(width) * u64::from(height)) {
             return Err(self.damaged(&format_args!("data are missing for its {width}x{height} pixels")));
         }
+        if let Some(netpbm) = Netpbm::read(self.bytes).filter(|_| self.format == ImageFormat::Pnm) {
+            netpbm.check(self.path)?;
+        }
         let orientation = self.orientation(&mut decoder);
         let mut image = DynamicImage::from_decoder(decoder).map_err(|error| self.damaged(&error))?;
         if self.format == ImageFormat::Jpeg {
@@ -84,6 +91,7 @@ impl CodedFile<'_> {
     fn decoder(&self) -> Result<impl ImageDecoder> {
         let bytes = match self.format {
             ImageFormat::Png => without_metadata(self.bytes),
+            ImageFormat::Pnm => Netpbm::read(self.bytes).map_or(self.bytes.into(), |netpbm| netpbm.bytes),
             _ => Cow::from(self.bytes),
         };
         let mut reader = ImageReader::with_format(Cursor::new(bytes), self.format);
@@ -104,12 +112,6 @@ impl CodedFile<'_> {
             _ => decoder.exif_metadata().ok().flatten(),
         };
         exif.and_then(|exif| Orientation::from_exif_chunk(&exif)).unwrap_or(Orientation::NoTransforms)
-    }
-
-    /// The sample of white in the header of a PGM or PPM.
-    fn netpbm_white(&self) -> Result<u32> {
-        let decoder = PnmDecoder::new(Cursor::new(self.bytes)).map_err(|error| self.damaged(&error))?;
-        Ok(decoder.into_inner().1.maximal_sample())
     }
 
     fn damaged(&self, cause: &dyn std::fmt::Display) -> Error {
@@ -136,6 +138,64 @@ where
             error => io::Error::other(error),
         })
     })
+}
+
+/// A PGM, PPM or PAM file.
+struct Netpbm<'a> {
+    /// The sample of white.
+    white: u32,
+    encoding: SampleEncoding,
+    /// Bytes of a binary sample.
+    sample_bytes: usize,
+    /// The number of samples.
+    samples: usize,
+    /// Length of the header.
+    start: usize,
+    /// The file, its header ended by a single character.
+    bytes: Cow<'a, [u8]>,
+}
+
+impl Netpbm<'_> {
+    /// Reads the header. `None` if that is damaged.
+    fn read(bytes: &[u8]) -> Option<Netpbm<'_>> {
+        let decoder = PnmDecoder::new(Cursor::new(bytes)).ok()?;
+        let total = usize::try_from(decoder.total_bytes()).ok()?;
+        let color = decoder.color_type();
+        let sample_bytes = usize::from(color.bytes_per_pixel() / color.channel_count());
+        let (cursor, header) = decoder.into_inner();
+        let (white, encoding, start) = (header.maximal_sample(), header.subtype().sample_encoding(), cursor.position() as usize);
+        // Programs in text mode end the header with CR LF, and the decoder takes LF for a sample: the file has one too many.
+        let is_crlf = start > 0 && bytes.get(start - 1..=start) == Some(b"\r\n");
+        let bytes = match is_crlf && matches!(header.subtype(), PnmSubtype::Graymap(_) | PnmSubtype::Pixmap(_)) {
+            true if bytes.len() - start > total => [&bytes[..start], &bytes[start + 1..]].concat().into(),
+            _ => bytes.into(),
+        };
+        Some(Netpbm { white, encoding, sample_bytes, samples: total / sample_bytes, start, bytes })
+    }
+
+    /// Checks that no sample is above white. The decoder scales them nevertheless.
+    fn check(&self, path: &Path) -> Result<()> {
+        let data = self.bytes.get(self.start..).unwrap_or_default();
+        let brightest = match (self.encoding, self.sample_bytes) {
+            (SampleEncoding::Ascii, _) => {
+                let words = data.split(u8::is_ascii_whitespace).filter_map(|word| str::from_utf8(word).ok()?.parse::<u32>().ok());
+                words.take(self.samples).max()
+            }
+            (SampleEncoding::Binary, 2) => {
+                data.as_chunks().0.iter().take(self.samples).map(|&bytes| u16::from_be_bytes(bytes).into()).max()
+            }
+            (SampleEncoding::Binary, _) => data.iter().take(self.samples).map(|&sample| sample.into()).max(),
+        };
+        match brightest {
+            // Bits have no maximum: theirs is what the decoder makes of them.
+            Some(brightest) if brightest > self.white && self.white > 1 => Err(Error::format(
+                path,
+                format!("a sample of {brightest} where the header's maximum is {}", self.white),
+                "none above it, the more significant byte of each first",
+            )),
+            _ => Ok(()),
+        }
+    }
 }
 
 const SIGNATURE_BYTES: usize = 8;

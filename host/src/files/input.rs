@@ -116,13 +116,17 @@ fn is_device(metadata: &Metadata) -> bool {
     }
 }
 
-/// The text in the file `path`, of at most 4 MiB. An empty file is an error.
+/// The text in the file `path`, of at most 4 MiB, without the byte order mark that some editors put first. An empty file is an
+/// error.
 ///
 /// # Errors
 /// As [`read_at_most`], and [`Error::Format`] if it is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String> {
-    String::from_utf8(read_at_most(path, MAX_TEXT_BYTES)?)
-        .map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
+    let mut bytes = read_at_most(path, MAX_TEXT_BYTES)?;
+    if bytes.starts_with("\u{feff}".as_bytes()) {
+        bytes.drain(.."\u{feff}".len());
+    }
+    String::from_utf8(bytes).map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
 }
 
 /// The value in the TOML file `path`, which should be `expected`, such as "a rig.toml".
@@ -177,6 +181,14 @@ mod tests {
         // No memory is taken for what is too long.
         File::create(&path).unwrap().set_len(MAX_BYTES + 1).unwrap();
         assert!(read(&path).unwrap_err().to_string().ends_with("found more than 1024 MiB, expected at most 1024 MiB"));
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_no_text() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("list.txt");
+        fs::write(&path, "\u{feff}shelf\r\n").unwrap();
+        assert_eq!(read_text(&path).unwrap(), "shelf\r\n");
     }
 
     #[cfg(unix)]

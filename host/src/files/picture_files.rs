@@ -200,6 +200,9 @@ mod tests {
         let gray = |w, h, bytes: &[u8]| Picture::Gray(GrayImage::from_raw(w, h, bytes.to_vec()).unwrap());
         assert_eq!(decode(b"P2\n# made by hand\n3 2\n255\n0 1 2\n3 4 5\n").unwrap(), gray(3, 2, &[0, 1, 2, 3, 4, 5]));
         assert_eq!(decode(b"P5 2 1 255\n\x07\x09").unwrap(), gray(2, 1, &[7, 9]));
+        // The header may end with CR LF. LF by itself is a sample after CR.
+        assert_eq!(decode(b"P5\r\n2 1\r\n255\r\n\x07\x09").unwrap(), gray(2, 1, &[7, 9]));
+        assert_eq!(decode(b"P5 2 1 255\r\n\x09").unwrap(), gray(2, 1, &[10, 9]));
         assert_eq!(decode(b"P6 1 1 255\n\x01\x02\x03").unwrap().color(0, 0), [1, 2, 3]);
         assert_eq!(decode(b"P3 1 1 255 1 2 3").unwrap().color(0, 0), [1, 2, 3]);
         // Rows are bottom-up in a PFM.
@@ -255,6 +258,19 @@ mod tests {
             let named = super::decode(Path::new("p"), b"P5 2 1 4095\n\x01\x00\x02\x00", depth, Limits::DEFAULT);
             assert_eq!(deep(named), [4097, 8194]);
         }
+    }
+
+    #[test]
+    fn samples_above_the_maximum_of_the_header_are_refused() {
+        let message = |bytes: &[u8]| decode(bytes).unwrap_err().to_string();
+        // The bytes of 1023 and 2 in the wrong order.
+        let found = message(b"P5 2 1 1023\n\xFF\x03\x02\x00");
+        assert!(found.contains("a sample of 65283 where the header's maximum is 1023"), "{found}");
+        assert!(message(b"P5 2 1 100\n\x64\x65").contains("a sample of 101 "));
+        assert!(message(b"P3 1 1 100\n100 7 300\n").contains("a sample of 300 "));
+        // What follows the picture does not matter.
+        assert_eq!(decode(b"P5 2 1 100\n\x00\x64\xFF").unwrap(), Picture::Gray(GrayImage::from_raw(2, 1, vec![0, 255]).unwrap()));
+        assert_eq!(deep(decode(b"P5 2 1 1023\n\x03\xFF\x00\x00")), [65535, 0]);
     }
 
     #[test]

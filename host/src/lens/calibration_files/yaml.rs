@@ -18,7 +18,7 @@ pub struct Document<'a> {
 
 impl<'a> Document<'a> {
     pub fn parse(path: &'a Path, text: &'a str) -> Result<Document<'a>> {
-        let is_xml = text.trim_start_matches('\u{feff}').trim_start().starts_with('<');
+        let is_xml = text.trim_start().starts_with('<');
         if is_xml {
             return Err(Error::format(path, "an XML file", "YAML: write the calibration to a file with the ending .yml"));
         }

@@ -127,6 +127,13 @@ impl<P: Read + Write> GrblLink<P> {
     /// Takes over a port at which Grbl has answered.
     fn open(port: LinePort<P>, silence_timeout: Duration) -> Result<GrblLink<P>, StageError> {
         let mut link = GrblLink { port, parser: StatusParser::new(1.0), silence_timeout, has_restarted: false };
+        // In other states Grbl refuses `$$`. The unit of this status is not known yet.
+        let status = link.status()?;
+        link.check_ready(&status)?;
+        if status.state != "Idle" {
+            let found = format!("{} is in state {}", link.port.name(), status.state);
+            return Err(StageError::NotReady { found, advice: "wait until it stands still" });
+        }
         link.port.send("$$")?;
         let deadline = link.now() + silence_timeout;
         let mut refusal = None;
@@ -140,11 +147,34 @@ impl<P: Read + Write> GrblLink<P> {
                 Err(error) => return Err(error),
             }
         };
-        // Setting 13 makes it report inches.
-        if settings.iter().any(|line| line.starts_with("$13=1")) {
+        if link.reports_inches(&settings)? {
             link.parser = StatusParser::new(25.4);
         }
         Ok(link)
+    }
+
+    /// Returns true if it reports inches: setting 13. FluidNC before version 3.9.4 has that in its configuration alone.
+    fn reports_inches(&mut self, settings: &[String]) -> Result<bool, StageError> {
+        let value = |lines: &[String], name: &str| {
+            let values: Vec<_> = lines.iter().filter_map(|line| line.split_once(name)).collect();
+            values.into_iter().find_map(|(_, value)| match value.split_whitespace().next()? {
+                "0" | "false" => Some(false),
+                "1" | "true" => Some(true),
+                _ => None,
+            })
+        };
+        if let Some(inches) = value(settings, "$13=") {
+            return Ok(inches);
+        }
+        match self.command("$/report_inches") {
+            Ok(answers) => value(&answers, "report_inches="),
+            Err(StageError::Refused { .. }) => None,
+            Err(error) => return Err(error),
+        }
+        .ok_or_else(|| StageError::NotReady {
+            found: format!("{} does not tell if it reports positions in millimetres or inches ($13)", self.port.name()),
+            advice: "send $13=0, and if it is refused, update the firmware (FluidNC: 3.9.4 or later)",
+        })
     }
 
     /// The current time.
@@ -313,7 +343,8 @@ impl StatusParser {
 /// Describes an error code. Only those that a move can cause are explained.
 fn describe_error(code: &str) -> String {
     let meaning = match code {
-        "8" | "9" => "it is locked: home or unlock it",
+        "8" => "it is not idle",
+        "9" => "it is locked: home or unlock it",
         "13" => "its safety door is open",
         "15" | "33" => "the target is out of the machine's travel",
         "20" | "29" => "it does not know this G-code",
@@ -362,10 +393,32 @@ mod tests {
 
     #[test]
     fn a_late_answer_does_not_hide_the_unit() {
-        let port = Port(b"ok\r\nerror:20\r\nok\r\n$0=10\r\n$13=1\r\nok\r\n<Idle|MPos:1.000,2.000,0.000|FS:0,0>\r\n");
+        let port = Port(b"<Idle|MPos:1.000,2.000,0.000|FS:0,0>\r\nok\r\nerror:20\r\nok\r\n$0=10\r\n$13=1\r\nok\r\n<Idle|MPos:1.000,2.000,0.000|FS:0,0>\r\n");
         let patience = Duration::from_secs(60);
         let mut link = GrblLink::open(LinePort::new(port, "port", patience, Arc::new(SystemClock)), patience).unwrap();
         assert_eq!(link.status().unwrap().coordinates, [25.4, 50.8]);
+    }
+
+    #[test]
+    fn a_unit_that_is_not_told_is_asked_for() {
+        let open = |bytes| {
+            let patience = Duration::from_millis(50);
+            let port = LinePort::new(Port(bytes), "port", patience, Arc::new(SystemClock));
+            GrblLink::open(port, patience).map(|link| link.parser.unit_mm).map_err(|error| error.to_string())
+        };
+        let (inches, millimetres) = (open(b"<Idle|MPos:0,0,0>\r\n$10=1\r\nok\r\n$/report_inches=true\r\nok\r\n"), Ok(1.0));
+        assert_eq!(inches, Ok(25.4));
+        assert_eq!(open(b"<Idle|MPos:0,0,0>\r\n$10=1\r\nok\r\n/report_inches=false\r\nok\r\n"), millimetres);
+        assert_eq!(open(b"<Idle|MPos:0,0,0>\r\n$13=0 (report inches, bool)\r\nok\r\n"), millimetres);
+        for unknown in [&b"<Idle|MPos:0,0,0>\r\n$10=1\r\nok\r\nerror:3\r\n"[..], b"<Idle|MPos:0,0,0>\r\n$13=?\r\nok\r\nok\r\n"] {
+            let message = open(unknown).unwrap_err();
+            assert!(message.contains("does not tell if it reports positions in millimetres or inches"), "{message}");
+        }
+        for state in ["Run", "Hold:0", "Check", "Jog", "Door:0"] {
+            let bytes: &'static [u8] = format!("<{state}|MPos:0,0,0>\r\nerror:8\r\n").into_bytes().leak();
+            let message = open(bytes).unwrap_err();
+            assert!(message.contains(&format!("is in state {state}")), "{message}");
+        }
     }
 
     #[test]

@@ -142,9 +142,17 @@ impl From<EngineError> for Error {
 }
 
 impl Error {
-    /// `path` contains `found` instead of `expected`.
+    /// The most characters of a file that a message quotes.
+    const MOST_FOUND: usize = 200;
+
+    /// `path` contains `found` instead of `expected`. Of a long `found`, the beginning is told.
     pub(crate) fn format(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Error {
-        Error::Format { path: path.into(), found: found.into(), expected: expected.into() }
+        let mut found = found.into();
+        if let Some((end, _)) = found.char_indices().nth(Error::MOST_FOUND) {
+            found.truncate(end);
+            found.push_str("...");
+        }
+        Error::Format { path: path.into(), found, expected: expected.into() }
     }
 
     /// Checks that `task` may take the bytes that it needs, given the most that may be taken, if that is limited.

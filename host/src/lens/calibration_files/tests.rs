@@ -153,7 +153,7 @@ fn a_camera_toml_is_read_as_it_was_written() {
 fn bad_files_are_refused_by_name() {
     let refused = |name: &str, text: &str, words: &[&str]| {
         let message = read_as(name, text).unwrap_err().to_string();
-        assert!(message.contains(name) && !message.contains('\n'), "{message}");
+        assert!(message.contains(name) && !message.contains('\n') && message.len() < 1000, "{message}");
         for word in words {
             assert!(message.contains(word), "`{word}` is not in: {message}");
         }
@@ -169,7 +169,8 @@ fn bad_files_are_refused_by_name() {
     refused("lens.yaml", "{}", &["found no fields"]);
     refused("lens.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>\n", &["found an XML file, expected YAML"]);
     refused("lens.yaml", "\u{1}", &["instead of fields"]);
-    refused("lens.yaml", "a: [1, 2", &["damaged or truncated YAML (line ", "expected ',' or ']'"]);
+    refused("lens.yaml", &"K = 1 ".repeat(50_000), &["found \"K = 1 K = 1", "..., expected a calibration"]);
+    refused("lens.yaml", "a: [1, 2", &["text that is not YAML (line ", "expected ',' or ']'"]);
     refused("lens.yaml", &"[".repeat(100_000), &["lens.yaml"]);
     // Truncated anywhere, the file is refused unless only fields are missing that are not used.
     for base in [ROS, OPENCV, KALIBR] {

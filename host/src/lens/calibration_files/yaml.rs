@@ -29,7 +29,7 @@ impl<'a> Document<'a> {
         }
         let documents = Yaml::load_from_str(text).map_err(|error| {
             let (line, cause) = (error.marker().line(), error.info());
-            Error::format(path, format!("damaged or truncated YAML (line {line}: {cause})"), "a calibration")
+            Error::format(path, format!("text that is not YAML (line {line}: {cause})"), "a calibration")
         })?;
         let root = documents.into_iter().next().ok_or_else(|| Error::format(path, "nothing but blanks", "a calibration"))?;
         Ok(Document { path, root })

@@ -188,7 +188,7 @@ fn append(contents: &[u8], packets: &mut Vec<u8>) {
     packets.push(0);
 }
 
-/// Tries replies of machines with Grbl or Marlin.
+/// Tries replies of machines with G-code.
 pub fn gcode(bytes: &[u8]) -> bool {
     let timeout = Duration::from_millis(20);
     let limits =

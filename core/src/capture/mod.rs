@@ -188,6 +188,8 @@ pub enum CaptureError<S, C> {
         /// The time-out.
         after: Duration,
     },
+    /// The stage was told to stop, after whatever else failed, and it is not known to stand still.
+    NotStopped(S),
     /// [`Sequence::abort`](Sequence::abort) was called.
     Aborted,
     /// The sequence had already ended.
@@ -207,7 +209,8 @@ impl<S, C> CaptureError<S, C> {
 
     /// Returns true if the stage failed, so that it must not be moved any more.
     pub fn is_of_stage(&self) -> bool {
-        matches!(self, CaptureError::Stage(_) | CaptureError::MoveTimeout { .. } | CaptureError::Missed { .. })
+        use CaptureError::{Missed, MoveTimeout, NotStopped, Stage};
+        matches!(self, Stage(_) | MoveTimeout { .. } | Missed { .. } | NotStopped(_))
     }
 }
 
@@ -223,7 +226,10 @@ impl<S: fmt::Display, C: fmt::Display> fmt::Display for CaptureError<S, C> {
             ),
             CaptureError::Camera { error, .. } => write!(f, "{error}"),
             CaptureError::FrameTimeout { after, .. } => write!(f, "the camera gave no frame within {} s", after.as_secs_f32()),
-            CaptureError::Aborted => f.write_str("the capture was aborted"),
+            CaptureError::NotStopped(error) => {
+                write!(f, "the stage may still move, be ready to use its emergency stop: it was told to stop, but {error}")
+            }
+            CaptureError::Aborted => f.write_str("the capture was aborted; the stage stands still"),
             CaptureError::Ended => f.write_str("the capture has ended"),
         }
     }
@@ -241,7 +247,7 @@ mod tests {
     fn errors_tell_what_failed_and_where() {
         let (after, target) = (Duration::from_millis(1500), Position { x_um: 20_000, y_um: -10 });
         let measured = Position { x_um: 19_000, y_um: 3 };
-        let errors: [(CaptureError<&str, &str>, _, _, _); 7] = [
+        let errors: [(CaptureError<&str, &str>, _, _, _); 8] = [
             (CaptureError::Stage("stuck"), None, true, "stuck"),
             (CaptureError::MoveTimeout { after }, None, true, "the stage did not arrive within 1.5 s"),
             (
@@ -252,7 +258,13 @@ mod tests {
             ),
             (CaptureError::Camera { index: 4, error: "gone" }, Some(4), false, "gone"),
             (CaptureError::FrameTimeout { index: 2, after }, Some(2), false, "the camera gave no frame within 1.5 s"),
-            (CaptureError::Aborted, None, false, "the capture was aborted"),
+            (
+                CaptureError::NotStopped("it is silent"),
+                None,
+                true,
+                "the stage may still move, be ready to use its emergency stop: it was told to stop, but it is silent",
+            ),
+            (CaptureError::Aborted, None, false, "the capture was aborted; the stage stands still"),
             (CaptureError::Ended, None, false, "the capture has ended"),
         ];
         for (error, index, is_of_stage, text) in errors {

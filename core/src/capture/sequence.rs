@@ -7,9 +7,9 @@ use super::{Camera, CaptureError, Position, Stage};
 /// A capture: moves to each position, lets vibrations settle, captures, checks the position, and goes on to
 /// the next.
 ///
-/// However it ends, the camera is released and the stage stands still. After the last frame, and after an
-/// error that is not the stage's own, it is back at the centre; after an error of the stage it is where it
-/// stopped.
+/// However it ends, the camera is released and the stage stands still, unless [`CaptureError::NotStopped`] says that it
+/// may not. After the last frame, and after an error that is not the stage's own, it is back at the centre; after an error
+/// of the stage it is where it stopped.
 ///
 /// A frame can be used while it is being read out: [`CaptureProgress::Capturing`] names it, and the stage does not
 /// move until the camera reports the frame complete. So the last view can be matched line by line as it
@@ -321,15 +321,14 @@ impl<'p, S, C> Sequence<'p, S, C> {
         stopped.and_then(|()| self.go_back(now, stage)).or_else(|error| self.halt(error, stage))
     }
 
-    /// Stops the motion and ends with the first error.
+    /// Stops the motion and ends with the first error, or with that of a stage that cannot be stopped.
     fn halt<A: Stage<Error = S>>(
         &mut self,
         error: CaptureError<S, C>,
         stage: &mut A,
     ) -> Result<CaptureProgress, CaptureError<S, C>> {
         self.state = State::Ended;
-        // A stage that does not take the order to stop has already failed.
-        let _ = stage.stop();
+        stage.stop().map_err(CaptureError::NotStopped)?;
         Err(self.failure.take().unwrap_or(error))
     }
 }

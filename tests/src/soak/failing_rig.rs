@@ -171,7 +171,7 @@ impl FailingRig {
             (0 | 1, Time::Simulated(clock)) => Mover::Arm(Arc::new(SimulatedArm::in_time_of(clock, DOWN))),
             (0 | 1, Time::System) => Mover::Arm(Arc::new(SimulatedArm::start(DOWN))),
             (2, _) => machine(Firmware::Grbl),
-            _ => machine(Firmware::Marlin),
+            _ => machine(Firmware::MARLIN),
         };
         FailingRig { mover, time, blindness: SharedBlindness::default() }
     }

@@ -1,4 +1,4 @@
-//! The drivers for Grbl and Marlin with simulated machines and their faults.
+//! The drivers for Grbl and for firmwares of the RepRap family with simulated machines and their faults.
 
 use std::{sync::Arc, time::Duration};
 
@@ -12,7 +12,7 @@ use multiscopic_core::{
 };
 use multiscopic_tests::simulated::{
     SimulatedClock,
-    machine::{Fault, Firmware, SimulatedMachine},
+    machine::{Fault, Firmware, RepRapKind, SimulatedMachine},
 };
 
 /// The position at which machines start, in millimetres.
@@ -121,12 +121,12 @@ impl Bench {
 
 /// Runs a test with each firmware.
 fn each(test: impl Fn(Firmware)) {
-    [Firmware::Grbl, Firmware::GrblInches, Firmware::Marlin].into_iter().for_each(test);
+    Firmware::ALL.into_iter().for_each(test);
 }
 
-/// Returns true if a machine received an order to stop.
-fn is_stop(heard: &[String]) -> bool {
-    heard.iter().any(|line| line == "M410") || heard.windows(2).any(|pair| pair == ["!", "^X"])
+/// Returns true if a machine with this firmware received an order to stop. The RepRap family is just sent no more segments.
+fn is_stop(firmware: Firmware, heard: &[String]) -> bool {
+    matches!(firmware, Firmware::RepRap(_)) || heard.windows(2).any(|pair| pair == ["!", "^X"])
 }
 
 #[test]
@@ -183,7 +183,7 @@ fn a_stop_halts_and_keeps_the_position() {
         bench.set_out(&mut stage, at(60_000, 0));
         assert!(!stage.has_arrived().unwrap());
         bench.soon(|| stage.stop()).unwrap();
-        assert!(!bench.machine.is_moving() && is_stop(&bench.machine.heard()), "{firmware:?}");
+        assert!(!bench.machine.is_moving() && is_stop(firmware, &bench.machine.heard()), "{firmware:?}");
         let place = stage.position().unwrap().unwrap();
         assert!((1..59_000).contains(&place.x_um), "{firmware:?} stopped at {place:?}");
         assert!(!stage.has_arrived().unwrap());
@@ -199,7 +199,7 @@ fn a_stop_halts_and_keeps_the_position() {
         bench.set_out(&mut stage, at(60_000, 0));
         bench.machine.heard();
         drop(stage);
-        assert!(!bench.machine.is_moving() && is_stop(&bench.machine.heard()), "{firmware:?}");
+        assert!(!bench.machine.is_moving() && is_stop(firmware, &bench.machine.heard()), "{firmware:?}");
     });
 }
 
@@ -212,7 +212,7 @@ fn a_limit_switch_is_reported() {
         let error = bench.soon(|| bench.go(&mut stage, at(40_000, 0))).unwrap_err();
         assert!(matches!(error, StageError::Alarm { .. }), "{error}");
         let _ = bench.soon(|| stage.stop());
-        assert!(is_stop(&bench.machine.heard()) && !bench.machine.is_moving());
+        assert!(is_stop(firmware, &bench.machine.heard()) && !bench.machine.is_moving());
         bench.machine.fail(Fault::None);
         bench.machine.lock(false);
         drop(stage);
@@ -239,12 +239,34 @@ fn a_rejected_line_is_reported() {
         let mut stage = bench.open().unwrap();
         bench.machine.fail(Fault::Refusing);
         let error = bench.soon(|| bench.go(&mut stage, at(40_000, 0))).unwrap_err();
-        assert!(matches!(&error, StageError::Refused { line, .. } if line.contains("G1 X160.5")), "{error}");
+        assert!(matches!(&error, StageError::Refused { line, .. } if line.contains("G1 X")), "{error}");
         let _ = bench.soon(|| stage.stop());
         bench.machine.fail(Fault::None);
         bench.go(&mut stage, at(1000, 0)).unwrap();
         bench.assert_at(121.5, 80.25);
     });
+}
+
+#[test]
+fn the_end_of_the_travel_is_found() {
+    for firmware in Firmware::ALL.into_iter().filter(|firmware| matches!(firmware, Firmware::RepRap(_))) {
+        let bench = Bench::new(firmware);
+        let mut stage = bench.open().unwrap();
+        bench.machine.fail(Fault::SoftLimit { at_x: 125.0 });
+        let error = bench.soon(|| bench.go(&mut stage, at(40_000, 0))).unwrap_err().to_string();
+        assert!(error.contains("it is at X125.00 Y80.25; is that the end of its travel?"), "{error}");
+        stage.stop().unwrap();
+        bench.go(&mut stage, at(1000, 0)).unwrap();
+        bench.assert_at(121.5, 80.25);
+    }
+}
+
+#[test]
+fn other_firmware_is_refused_by_name() {
+    let bench = Bench::new(Firmware::RepRap(RepRapKind::Other));
+    let error = bench.open().map(drop).unwrap_err().to_string();
+    assert!(error.contains("found the firmware Teacup") && error.contains("Klipper"), "{error}");
+    assert!(!bench.machine.heard().iter().any(|line| line.contains("G1")));
 }
 
 #[test]
@@ -255,11 +277,13 @@ fn a_machine_that_never_arrives_times_out() {
         bench.machine.fail(Fault::Stuck);
         let error = bench.soon(|| bench.go(&mut stage, at(40_000, 0))).unwrap_err();
         match firmware {
-            Firmware::Marlin => assert!(matches!(error, StageError::Late { .. }), "{error}"),
+            Firmware::MARLIN => assert!(matches!(error, StageError::Late { .. }), "{error}"),
+            // The others do not say that they are busy.
+            Firmware::RepRap(_) => assert!(matches!(error, StageError::Silent { .. }), "{error}"),
             _ => assert!(matches!(error, StageError::Stalled { distance_um: 39_990..=40_010, .. }), "{error}"),
         }
         let _ = bench.soon(|| stage.stop());
-        assert!(is_stop(&bench.machine.heard()) || firmware == Firmware::Marlin);
+        assert!(is_stop(firmware, &bench.machine.heard()));
         bench.machine.fail(Fault::None);
         bench.wait("the machine stands", || Ok(!bench.machine.is_moving())).unwrap();
         bench.go(&mut stage, at(1000, 0)).unwrap();
@@ -277,7 +301,7 @@ fn a_silent_machine_times_out() {
         let error = bench.soon(|| bench.arrive(&mut stage)).unwrap_err();
         assert!(matches!(error, StageError::Silent { .. }), "{error}");
         assert!(matches!(bench.soon(|| stage.stop()), Err(StageError::Silent { .. })));
-        assert!(is_stop(&bench.machine.heard()) && !bench.machine.is_moving(), "{firmware:?} was not told to stop");
+        assert!(is_stop(firmware, &bench.machine.heard()) && !bench.machine.is_moving(), "{firmware:?} was not told to stop");
         drop(stage);
         let error = bench.soon(|| bench.open()).map(drop).unwrap_err();
         assert!(matches!(error, StageError::Silent { .. }), "{error}");

@@ -6,7 +6,7 @@
 //! | [`Limits`] | how far and how fast a stage may go, and how long to wait for it |
 //! | [`open`], [`AnyStage`] | opens a stage of any kind |
 //! | [`Arm`] | an arm of Universal Robots |
-//! | [`gcode`] | machines with Grbl or Marlin on a serial port |
+//! | [`gcode`] | machines with G-code on a serial port |
 //! | [`ManualStage`] | a person who is prompted |
 //! | [`SimulatedStage`], [`StageImperfections`] | none: for trying things out, with the errors of real ones |
 //! | [`TurnedStage`] | moves along the axes of a camera that is mounted at an angle |
@@ -62,7 +62,7 @@ pub enum StageSpec {
     /// `ur10:HOST[:PORT[,RTDE_PORT]]`: an arm of Universal Robots, of any model. `PORT` accepts scripts
     /// (30002), `RTDE_PORT` reports the arm's state (30004). An IPv6 address stands in brackets.
     Ur10(ArmAddress),
-    /// `gcode:TTY[@BAUD]`: a machine with Grbl or Marlin on a serial port.
+    /// `gcode:TTY[@BAUD]`: a machine with G-code on a serial port, with any of the firmwares of [`gcode`].
     Gcode {
         /// The port: a device file, or `COM3`.
         path: String,
@@ -86,6 +86,9 @@ impl FromStr for StageSpec {
             None if text == "sim" => Ok(StageSpec::Simulated),
             None if text == "ur10" => Err("the arm's host is missing"),
             None if text == "gcode" => Err("the serial port is missing"),
+            Some(("moonraker" | "klipper", _)) => {
+                Err("Klipper is driven by its serial port, gcode:$HOME/printer_data/comms/klippy.serial")
+            }
             _ => Err("its kind is unknown"),
         };
         parsed.map_err(|problem| StageError::Spec { text: text.into(), problem })
@@ -187,6 +190,7 @@ mod tests {
             ("ur10:[arm.local]", "do not hold an IPv6 address"),
             ("ur10:a]b", "brackets stand around IPv6 addresses alone"),
             ("ur10:[::1]30002", "only :PORT may follow the bracket"),
+            ("moonraker:printer.local", "gcode:$HOME/printer_data/comms/klippy.serial"),
             ("gcode", "the serial port is missing"),
             ("gcode:@9600", "the serial port is missing"),
             ("gcode:/dev/ttyUSB0@fast", "BAUD must be a number"),

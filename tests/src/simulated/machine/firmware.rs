@@ -1,4 +1,4 @@
-//! The mechanics of a machine, and the parts of Grbl 1.1 and Marlin that move it, after their documentation.
+//! The mechanics of a machine, and the parts of Grbl 1.1 and of the RepRap family that move it, after their documentation.
 
 use std::{
     collections::VecDeque,
@@ -27,8 +27,13 @@ pub enum Fault {
     Silent,
     /// It rejects every move.
     Refusing,
-    /// It ignores orders to stop.
+    /// It ignores orders to stop. Not in the RepRap family, which has none.
     Unstoppable,
+    /// It cuts moves off at an X in millimetres, without a word. In the RepRap family only.
+    SoftLimit {
+        /// The largest X.
+        at_x: f64,
+    },
     /// Another device is connected, which sends lines of its own.
     OtherProtocol,
 }
@@ -260,9 +265,87 @@ impl Control for Grbl {
 /// The interval of `busy` messages. Marlin's is longer.
 const BUSY: Duration = Duration::from_millis(200);
 
-/// Marlin without an emergency parser: each line waits for those before it.
-#[derive(Default)]
-pub struct Marlin {
+/// A firmware of the RepRap family, with its words.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RepRapKind {
+    /// Marlin 2, which says when it is busy.
+    Marlin,
+    /// Marlin 1 of 2012, without blanks between coordinates.
+    OldMarlin,
+    /// Klipper, which answers on the line of `ok`.
+    Klipper,
+    /// RepRapFirmware 3.
+    RepRapFirmware,
+    /// Repetier 1.
+    Repetier,
+    /// Smoothieware, which reports to `?` as Grbl does.
+    Smoothieware,
+    /// Teacup, which the drivers do not know.
+    Other,
+}
+
+impl RepRapKind {
+    /// The answer to `M115`.
+    fn name(self) -> &'static str {
+        match self {
+            RepRapKind::Marlin => {
+                "FIRMWARE_NAME:Marlin 2.1.2 (Nov  1 2023) SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin PROTOCOL_VERSION:1.0\n\
+                 Cap:EEPROM:1\nCap:EMERGENCY_PARSER:0\nok\n"
+            }
+            RepRapKind::OldMarlin => "FIRMWARE_NAME:Marlin V1; Sprinter/grbl mashup for gen6 PROTOCOL_VERSION:1.0\nok\n",
+            RepRapKind::Klipper => "ok FIRMWARE_VERSION:v0.12.0-85 FIRMWARE_NAME:Klipper\n",
+            RepRapKind::RepRapFirmware => {
+                "FIRMWARE_NAME: RepRapFirmware for Duet 3 Mini 5+ FIRMWARE_VERSION: 3.5.2 ELECTRONICS: Duet 3 Mini5plus WiFi\nok\n"
+            }
+            RepRapKind::Repetier => "FIRMWARE_NAME:Repetier_1.0.3 PROTOCOL_VERSION:1.0 REPETIER_PROTOCOL:3\nok\n",
+            RepRapKind::Other => "FIRMWARE_NAME:Teacup FIRMWARE_URL:http://github.com/traumflug/Teacup_Firmware/\nok\n",
+            RepRapKind::Smoothieware => {
+                "FIRMWARE_NAME:Smoothieware, FIRMWARE_VERSION:edge-94de12c, PROTOCOL_VERSION:1.0, X-GRBL_MODE:0\nok\n"
+            }
+        }
+    }
+
+    /// The answer to `M114`.
+    fn report(self, [x, y]: [f64; 2]) -> String {
+        let [a, b] = [x, y].map(|place| (place * 80.0).round());
+        match self {
+            RepRapKind::Marlin => format!("X:{x:.2} Y:{y:.2} Z:0.00 E:0.00 Count X:{a} Y:{b} Z:0\nok\n"),
+            RepRapKind::OldMarlin => {
+                format!("X:{x:.2}Y:{y:.2}Z:0.00E:0.00 Count X: {x:.2}Y:{y:.2}Z:0.00\nok\n")
+            }
+            RepRapKind::Klipper => format!("ok X:{x:.3} Y:{y:.3} Z:0.000 E:0.000\n"),
+            RepRapKind::RepRapFirmware => {
+                format!("X:{x:.3} Y:{y:.3} Z:0.000 E:0.000 Count {a} {b} 0 Machine {x:.3} {y:.3} 0.000 Bed comp 0.000\nok\n")
+            }
+            RepRapKind::Repetier | RepRapKind::Other => format!("X:{x:.2} Y:{y:.2} Z:0.000 E:0.0000\nok\n"),
+            RepRapKind::Smoothieware => format!("ok C: X:{x:.4} Y:{y:.4} Z:0.0000\n"),
+        }
+    }
+
+    /// The answer to an unknown line.
+    fn unknown(self, line: &str) -> String {
+        match self {
+            RepRapKind::Klipper => format!("// Unknown command:\"{line}\"\nok\n"),
+            RepRapKind::RepRapFirmware => format!("Error: Bad command: {line}\nok\n"),
+            RepRapKind::Smoothieware => "error:Unsupported command\n".into(),
+            _ => format!("echo:Unknown command: \"{line}\"\nok\n"),
+        }
+    }
+
+    /// The answer to a move before homing.
+    fn refusal(self) -> &'static str {
+        match self {
+            RepRapKind::Klipper => "!! Must home axis first: 120.500 80.250 0.000 [0.000]\nok\n",
+            RepRapKind::RepRapFirmware => "Error: G0/G1: insufficient axes homed\nok\n",
+            RepRapKind::Smoothieware => "error:Alarm lock\n",
+            _ => "echo:Home XY First\nok\n",
+        }
+    }
+}
+
+/// A firmware of the RepRap family. Each line waits for those before it, and nothing ends a move.
+pub struct RepRap {
+    kind: RepRapKind,
     line: Vec<u8>,
     queue: VecDeque<String>,
     is_relative: bool,
@@ -271,47 +354,49 @@ pub struct Marlin {
     is_halted: bool,
 }
 
-impl Marlin {
+impl RepRap {
+    pub fn new(kind: RepRapKind) -> RepRap {
+        RepRap { kind, line: Vec::new(), queue: VecDeque::new(), is_relative: false, busy: None, is_halted: false }
+    }
+
     fn execute(&mut self, line: &str, machine: &mut Machine) -> String {
-        let unknown = format!("echo:Unknown command: \"{line}\"\nok\n");
-        let Some(words) = words(line) else { return unknown };
+        let kind = self.kind;
+        let Some(words) = words(line) else { return kind.unknown(line) };
         match words.first().map(|&(letter, number)| (letter, number as u16)) {
-            Some(('G', 0 | 1)) if machine.fault == Fault::Refusing => return "Error:Axis not homed\nok\n".into(),
+            Some(('G', 0 | 1)) if machine.fault == Fault::Refusing => return kind.refusal().into(),
             Some(('G', 0 | 1)) => {
                 let base = if self.is_relative { machine.place } else { [0.0; 2] };
-                let target =
+                let mut target =
                     [('X', 0), ('Y', 1)].map(|(axis, i)| value(&words, axis).map_or(machine.place[i], |number| base[i] + number));
+                if let Fault::SoftLimit { at_x } = machine.fault {
+                    target[0] = target[0].min(at_x);
+                }
                 machine.go(target, value(&words, 'F').unwrap_or(60.0) / 60.0);
             }
             Some(('G', 21) | ('M', 400)) => {}
             Some(('G', 90)) => self.is_relative = false,
             Some(('G', 91)) => self.is_relative = true,
-            Some(('M', 410)) if machine.fault == Fault::Unstoppable => {}
-            Some(('M', 410)) => machine.motion = None,
-            Some(('M', 114)) => {
-                let [x, y] = machine.place;
-                let steps = [x, y].map(|place| (place * 80.0).round());
-                return format!("X:{x:.2} Y:{y:.2} Z:0.00 E:0.00 Count X:{} Y:{} Z:0\nok\n", steps[0], steps[1]);
-            }
-            Some(('M', 115)) => {
-                return "FIRMWARE_NAME:Marlin 2.1.2 (Nov  1 2023) SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin PROTOCOL_VERSION:1.0\n\
-                        Cap:EEPROM:1\nCap:EMERGENCY_PARSER:0\nok\n"
-                    .into();
-            }
-            _ => return unknown,
+            Some(('M', 114)) => return kind.report(machine.place),
+            Some(('M', 115)) => return kind.name().into(),
+            _ => return kind.unknown(line),
         }
         "ok\n".into()
     }
 }
 
-impl Control for Marlin {
+impl Control for RepRap {
     fn start(&mut self) -> &'static str {
-        *self = Marlin::default();
-        "start\necho: External Reset\nMarlin 2.1.2\necho:SD init fail\n"
+        *self = RepRap::new(self.kind);
+        "start\necho: External Reset\necho:SD init fail\n"
     }
 
     fn take(&mut self, byte: u8, machine: &mut Machine) -> String {
         match byte {
+            // Smoothieware answers as Grbl does.
+            b'?' if self.kind == RepRapKind::Smoothieware => {
+                let ([x, y], state) = (machine.place, if machine.motion.is_some() { "Run" } else { "Idle" });
+                return format!("<{state}|MPos:{x:.4},{y:.4},0.0000|WPos:{x:.4},{y:.4},0.0000|F:4000.0,100.0>\n");
+            }
             b'\n' | b'\r' => {
                 let line = String::from_utf8_lossy(&std::mem::take(&mut self.line)).into_owned();
                 if !line.is_empty() {
@@ -332,7 +417,8 @@ impl Control for Marlin {
         }
         while let Some(line) = self.queue.front().filter(|_| !machine.is_locked).cloned() {
             if line == "M400" && machine.motion.is_some() {
-                if self.busy.is_none_or(|time| machine.now - time >= BUSY) {
+                let says_busy = self.kind == RepRapKind::Marlin && self.busy.is_none_or(|time| machine.now - time >= BUSY);
+                if says_busy {
                     self.busy = Some(machine.now);
                     said += "echo:busy: processing\n";
                 }

@@ -17,9 +17,9 @@ use multiscopic::capture::{
 use serialport::{SerialPort, TTYPort};
 
 use super::SimulatedClock;
-use firmware::{Control, Grbl, Machine, Marlin};
+use firmware::{Control, Grbl, Machine, RepRap};
 
-pub use firmware::Fault;
+pub use firmware::{Fault, RepRapKind};
 
 /// The time that a byte takes on a serial line: ten bits at 115 200 baud.
 pub const BYTE: Duration = Duration::from_nanos(86_806);
@@ -34,16 +34,34 @@ pub enum Firmware {
     Grbl,
     /// Grbl 1.1 that reports work coordinates in inches.
     GrblInches,
-    /// Marlin 2, without an emergency parser.
-    Marlin,
+    /// One of the RepRap family.
+    RepRap(RepRapKind),
 }
 
 impl Firmware {
+    /// All of them.
+    pub const ALL: [Firmware; 8] = {
+        use Firmware::{Grbl, GrblInches, RepRap};
+        use RepRapKind::{Klipper, Marlin, OldMarlin, RepRapFirmware, Repetier, Smoothieware};
+        [
+            Grbl,
+            GrblInches,
+            RepRap(Marlin),
+            RepRap(OldMarlin),
+            RepRap(Klipper),
+            RepRap(RepRapFirmware),
+            RepRap(Repetier),
+            RepRap(Smoothieware),
+        ]
+    };
+    /// Marlin 2.
+    pub const MARLIN: Firmware = Firmware::RepRap(RepRapKind::Marlin);
+
     fn control(self) -> Box<dyn Control> {
         match self {
             Firmware::Grbl => Box::new(Grbl::new(false)),
             Firmware::GrblInches => Box::new(Grbl::new(true)),
-            Firmware::Marlin => Box::new(Marlin::default()),
+            Firmware::RepRap(kind) => Box::new(RepRap::new(kind)),
         }
     }
 }

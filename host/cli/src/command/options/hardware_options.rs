@@ -28,7 +28,7 @@ pub struct HardwareOptions {
     #[arg(long, value_name = "/dev/videoN|sim[:FILE.toml]")]
     pub camera: CameraSpec,
 
-    /// Stage that moves the camera in its image plane: a Universal Robots arm, a machine that runs Grbl or Marlin, you, or
+    /// Stage that moves the camera in its image plane: a Universal Robots arm, a machine with G-code, you, or
     /// nothing real
     #[arg(long, value_name = "ur10:HOST[:PORT[,RTDE_PORT]]|gcode:TTY[@BAUD]|manual|sim")]
     pub stage: StageSpec,

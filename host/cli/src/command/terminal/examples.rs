@@ -63,7 +63,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "multiscopic capture --camera /dev/video0 --stage ur10:192.168.0.10 \\\n    --baseline 20 --views 4 --focal-px 1180 -o rig",
             ),
             (
-                "A machine with Grbl or Marlin moves it to the left and to the right",
+                "A machine with G-code moves it to the left and to the right",
                 "multiscopic capture --camera /dev/video0 --stage gcode:/dev/ttyUSB0 \\\n    --baseline 20 --views 2 -o rig",
             ),
             ("Without any hardware", "multiscopic capture --camera sim --stage sim --baseline 5 -o rig"),

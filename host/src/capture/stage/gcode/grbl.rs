@@ -7,6 +7,7 @@
 
 use std::{
     io::{Read, Write},
+    mem,
     time::{Duration, Instant},
 };
 
@@ -46,7 +47,7 @@ impl<P: Read + Write> Grbl<P> {
     pub(super) fn open(port: LinePort<P>, limits: &Limits) -> Result<Self, StageError> {
         let mut link = GrblLink::open(port, limits.silence_timeout)?;
         let status = link.status()?;
-        link.check_ready(&status)?;
+        link.check_state(&status, &["Idle"])?;
         Ok(Grbl { link, limits: *limits, start: status.coordinates, current_move: None })
     }
 }
@@ -61,7 +62,7 @@ impl<P: Read + Write> Stage for Grbl<P> {
             self.stop()?;
         }
         let status = self.link.status()?;
-        self.link.check_ready(&status)?;
+        self.link.check_state(&status, &["Idle", "Run"])?;
         let target = to_machine(self.start, position);
         // Set before sending: the machine may move even if sending seems to fail.
         let stall_timer = StallTimer::start(distance(status.coordinates, target), 0.0, self.link.now());
@@ -72,7 +73,7 @@ impl<P: Read + Write> Stage for Grbl<P> {
     fn has_arrived(&mut self) -> Result<bool, StageError> {
         self.link.check_not_restarted()?;
         let status = self.link.status()?;
-        self.link.check_ready(&status)?;
+        self.link.check_state(&status, &["Idle", "Run"])?;
         let Some(mut current) = self.current_move else { return Ok(false) };
         let distance = distance(status.coordinates, current.target);
         // `Idle` is not enough: the machine is also idle for a moment before it starts to move.
@@ -96,7 +97,8 @@ impl<P: Read + Write> Stage for Grbl<P> {
         let held = self.link.feed_hold();
         // Even if the hold failed: the reset stops the machine too, though abruptly.
         let reset = self.link.soft_reset();
-        held.and(reset)
+        held.and(reset)?;
+        self.link.check_standstill()
     }
 }
 
@@ -108,6 +110,9 @@ impl<P: Read + Write> Drop for Grbl<P> {
         }
     }
 }
+
+/// The time in which a machine that still moves reports another place.
+const STANDSTILL: Duration = Duration::from_millis(100);
 
 /// Real-time commands are single bytes, which Grbl takes at any time.
 const STATUS_QUERY: u8 = b'?';
@@ -129,11 +134,7 @@ impl<P: Read + Write> GrblLink<P> {
         let mut link = GrblLink { port, parser: StatusParser::new(1.0), silence_timeout, has_restarted: false };
         // In other states Grbl refuses `$$`. The unit of this status is not known yet.
         let status = link.status()?;
-        link.check_ready(&status)?;
-        if status.state != "Idle" {
-            let found = format!("{} is in state {}", link.port.name(), status.state);
-            return Err(StageError::NotReady { found, advice: "wait until it stands still" });
-        }
+        link.check_state(&status, &["Idle"])?;
         link.port.send("$$")?;
         let deadline = link.now() + silence_timeout;
         let mut refusal = None;
@@ -241,16 +242,16 @@ impl<P: Read + Write> GrblLink<P> {
         })
     }
 
-    /// Fails unless the machine can move.
-    fn check_ready(&self, status: &Status) -> Result<(), StageError> {
-        match status.state.split(':').next().unwrap_or_default() {
-            "Idle" | "Run" => Ok(()),
-            "Alarm" => Err(self.alarm("it is locked".into())),
-            _ => {
-                let found = format!("{} is in state {}", self.port.name(), status.state);
-                Err(StageError::NotReady { found, advice: "release or reset it at its panel" })
-            }
-        }
+    /// Fails unless the machine is in one of these states.
+    fn check_state(&self, status: &Status, allowed: &[&str]) -> Result<(), StageError> {
+        let advice = match status.state.split(':').next().unwrap_or_default() {
+            state if allowed.contains(&state) => return Ok(()),
+            "Alarm" => return Err(self.alarm("it is locked".into())),
+            "Run" | "Jog" | "Home" => "wait until it stands still",
+            _ => "release or reset it at its panel",
+        };
+        let found = format!("{} is in state {}", self.port.name(), status.state);
+        Err(StageError::NotReady { found, advice })
     }
 
     /// Fails if the machine has restarted by itself.
@@ -277,6 +278,20 @@ impl<P: Read + Write> GrblLink<P> {
         let deadline = self.now() + self.silence_timeout;
         while !is_banner(&self.port.expect(deadline)?) {}
         Ok(())
+    }
+
+    /// Waits until two reports, some time apart, tell the same place.
+    fn check_standstill(&mut self) -> Result<(), StageError> {
+        let deadline = self.now() + self.silence_timeout;
+        let mut place = self.status()?.coordinates;
+        while self.now() < deadline {
+            self.port.wait(STANDSTILL);
+            let last = mem::replace(&mut place, self.status()?.coordinates);
+            if place == last {
+                return Ok(());
+            }
+        }
+        Err(StageError::StillMoving { after: self.silence_timeout })
     }
 
     fn alarm(&self, reason: String) -> StageError {

@@ -42,6 +42,11 @@ impl<P: Read + Write> LinePort<P> {
         self.clock.now()
     }
 
+    /// Waits for this long.
+    pub fn wait(&self, duration: Duration) {
+        self.clock.sleep(duration);
+    }
+
     /// The name of the port in messages.
     pub fn name(&self) -> String {
         self.name.clone()

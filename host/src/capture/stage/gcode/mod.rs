@@ -1,4 +1,4 @@
-//! Machines that take G-code on a serial port: an XY slide, a mill, a printer, with Grbl 1.1 or Marlin.
+//! Machines that take G-code on a serial port: an XY slide, a mill, a printer, with Grbl 1.1 or a firmware of the RepRap family.
 //!
 //! The machine's X points to the right of the image and its Y up, as seen along the camera's view. A
 //! [`Position`](multiscopic_core::capture::Position) has `y_um` pointing down, so it is the negated Y of the
@@ -10,7 +10,7 @@
 
 mod grbl;
 mod line_port;
-mod marlin;
+mod reprap;
 
 use std::{
     io::{self, Read, Write},
@@ -24,9 +24,9 @@ use crate::capture::{Clock, SystemClock};
 use line_port::LinePort;
 
 pub use grbl::Grbl;
-pub use marlin::Marlin;
+pub use reprap::RepRap;
 
-/// The default baud rate of both firmwares.
+/// The default baud rate.
 pub const BAUD: u32 = 115_200;
 
 /// The time for which one read of the port blocks.
@@ -35,7 +35,7 @@ const READ_TIMEOUT: Duration = Duration::from_millis(10);
 /// The time that a machine may take to answer once it has booted.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Opens the machine on a serial port, with either firmware. It does not move.
+/// Opens the machine on a serial port, with any known firmware. It does not move.
 ///
 /// # Errors
 /// The limits are out of range, the port cannot be opened, no known firmware answers, or the machine is not
@@ -76,19 +76,16 @@ pub fn connect_with_clock<P: Read + Write + Send + 'static>(
     let mut last_line = None;
     while port.now() < deadline {
         // Each firmware answers one of them, and rejects the other without harm.
-        for query in ["\n?", "M115"] {
+        for query in ["\n?", FIRMWARE_QUERY] {
             port.send(query)?;
             let until = deadline.min(port.now() + ANSWER_TIMEOUT);
             // Checked for each line: a machine may report without end.
             while port.now() < until {
                 let Some(line) = port.next(until)? else { break };
-                if grbl::is_banner(&line) || line.starts_with('<') {
+                let name = firmware_name(&line);
+                if grbl::is_banner(&line) || line.starts_with('<') || name.is_some() {
                     port.discard_pending()?;
-                    return Grbl::open(port, limits).map(AnyStage::new);
-                }
-                if line.contains("FIRMWARE_NAME:") {
-                    port.discard_pending()?;
-                    return Marlin::open(port, limits).map(AnyStage::new);
+                    return open_known(port, name, limits);
                 }
                 last_line = Some(line);
             }
@@ -99,7 +96,49 @@ pub fn connect_with_clock<P: Read + Write + Send + 'static>(
         Some(line) => StageError::Protocol {
             from: name.into(),
             found: format!("`{line}`"),
-            expected: format!("Grbl 1.1 or Marlin at the port's baud rate (gcode:{name}@BAUD)"),
+            expected: format!("{} at the port's baud rate (gcode:{name}@BAUD)", known_firmwares()),
         },
     })
+}
+
+/// Asks for the firmware's name and version. Grbl and FluidNC do not know the question.
+const FIRMWARE_QUERY: &str = "M115";
+
+/// The firmware's name and version in an answer.
+fn firmware_name(line: &str) -> Option<String> {
+    line.split_once("FIRMWARE_NAME:").map(|(_, rest)| rest.trim().to_owned())
+}
+
+/// Opens a machine that answers, by the name of its firmware. One that reports as Grbl does may be another, and is asked.
+fn open_known<P: Read + Write + Send + 'static>(
+    mut port: LinePort<P>,
+    mut name: Option<String>,
+    limits: &Limits,
+) -> Result<AnyStage, StageError> {
+    if name.is_none() {
+        port.send(FIRMWARE_QUERY)?;
+        let deadline = port.now() + ANSWER_TIMEOUT;
+        while port.now() < deadline {
+            let Some(line) = port.next(deadline)? else { break };
+            name = firmware_name(&line);
+            if name.is_some() || line == "ok" || line.starts_with("error:") {
+                break;
+            }
+        }
+        port.discard_pending()?;
+    }
+    let Some(name) = name else { return Grbl::open(port, limits).map(AnyStage::new) };
+    let is_any = |known: &[&str]| known.iter().any(|known| name.to_lowercase().contains(&known.to_lowercase()));
+    match (is_any(&reprap::FIRMWARES), is_any(&["grbl"])) {
+        (true, _) => RepRap::open(port, limits).map(AnyStage::new),
+        (false, true) => Grbl::open(port, limits).map(AnyStage::new),
+        (false, false) => {
+            let found = format!("the firmware {name:.60}");
+            Err(StageError::Protocol { from: port.name(), found, expected: known_firmwares() })
+        }
+    }
+}
+
+fn known_firmwares() -> String {
+    format!("Grbl 1.1, or one of {}", reprap::FIRMWARES.join(", "))
 }

@@ -147,11 +147,7 @@ impl Error {
 
     /// `path` contains `found` instead of `expected`. Of a long `found`, the beginning is told.
     pub(crate) fn format(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Error {
-        let mut found = found.into();
-        if let Some((end, _)) = found.char_indices().nth(Error::MOST_FOUND) {
-            found.truncate(end);
-            found.push_str("...");
-        }
+        let found = shortened(&found.into(), Error::MOST_FOUND);
         Error::Format { path: path.into(), found, expected: expected.into() }
     }
 
@@ -166,6 +162,21 @@ impl Error {
             Some(most_bytes) if needed_bytes > most_bytes => Err(Error::Memory { task, needed_bytes, most_bytes, advice }),
             _ => Ok(()),
         }
+    }
+}
+
+/// The first line of a text, as a message quotes it: its first 80 characters.
+pub(crate) fn first_line(text: &str) -> String {
+    let mut lines = text.trim().lines();
+    let line = shortened(lines.next().unwrap_or_default().trim_end(), 80);
+    if lines.next().is_some() && !line.ends_with("...") { line + "..." } else { line }
+}
+
+/// The first `most` characters of a text, and dots for the rest.
+fn shortened(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.into(),
     }
 }
 

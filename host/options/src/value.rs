@@ -160,7 +160,8 @@ impl Named for Dataset {
 }
 
 impl Named for LensModel {
-    const ALL: &'static [LensModel] = &LensModel::ALL;
+    /// Those that `calibrate lens` finds.
+    const ALL: &'static [LensModel] = &[LensModel::PlumbBob, LensModel::Rational, LensModel::Equidistant];
 
     fn name(&self) -> &'static str {
         LensModel::name(*self)
@@ -170,6 +171,7 @@ impl Named for LensModel {
         match self {
             LensModel::PlumbBob => "Brown and Conrady's, for most lenses",
             LensModel::Rational => "With a denominator, for wide angles",
+            LensModel::ThinPrism => "With a thin prism and a tilted sensor as well",
             LensModel::Equidistant => "Kannala and Brandt's, for fisheyes",
         }
     }

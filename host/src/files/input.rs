@@ -8,7 +8,7 @@ use std::{
 
 use serde::de::DeserializeOwned;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, first_line};
 
 /// The longest side of a picture in pixels. It is the core's limit too.
 pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
@@ -135,20 +135,13 @@ pub(crate) fn read_toml<T: DeserializeOwned>(path: &Path, expected: &str) -> Res
     toml::from_str(&text).map_err(|error| Error::format(path, with_line(&error, &text), expected))
 }
 
-/// The characters of a line that a message quotes.
-const MOST_QUOTED: usize = 80;
-
 /// The error's message with the line it refers to, as the message often does not name the key.
 fn with_line(error: &toml::de::Error, text: &str) -> String {
     let Some(before) = error.span().and_then(|span| text.get(..span.start)) else {
         return error.message().into();
     };
     let number = before.matches('\n').count();
-    let mut line: String = text.lines().nth(number).unwrap_or_default().trim().into();
-    if let Some((end, _)) = line.char_indices().nth(MOST_QUOTED) {
-        line.truncate(end);
-        line.push_str("...");
-    }
+    let line = first_line(text.lines().nth(number).unwrap_or_default());
     format!("line {} ({line}): {}", number + 1, error.message())
 }
 

@@ -1,6 +1,8 @@
 //! The distortion of a lens.
 
-use std::fmt;
+use std::{f64::consts::FRAC_PI_2, fmt};
+
+use nalgebra::{Rotation3, Vector3};
 
 /// A model of distortion. Coefficients are in the order of OpenCV, ROS and Kalibr.
 ///
@@ -12,48 +14,48 @@ use std::fmt;
 ///                        R  = (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶)
 /// equidistant            x' = x T / r,  y' = y T / r
 ///                        T  = t (1 + k1 t² + k2 t⁴ + k3 t⁶ + k4 t⁸),  t = atan r
+/// thin prism             the rational x' + s1 r² + s2 r⁴ and y' + s3 r² + s4 r⁴, and with their ray
+///                        (X, Y, Z) = R (x', y', 1), R = Ry(-tau_y) Rx(-tau_x),
+///                        x" = R33 X / Z - R13,  y" = R33 Y / Z - R23
 /// ```
 ///
-/// The first two are those of OpenCV's `projectPoints` (module `calib3d`), after Brown (1966) and Conrady (1919), the last that
-/// of its `fisheye::projectPoints`, after Kannala and Brandt (2006).
+/// All but the equidistant one are those of OpenCV's `projectPoints` (module `calib3d`), after Brown (1966) and Conrady (1919),
+/// with the sensor tilted after Scheimpflug (Louhichi et al., 2007). The equidistant one is that of its
+/// `fisheye::projectPoints`, after Kannala and Brandt (2006).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LensModel {
     /// `k1 k2 p1 p2 k3`, with `k4` to `k6` equal to 0: ROS's `plumb_bob`. Kalibr's `radtan` is the same without `k3`.
     PlumbBob,
     /// `k1 k2 p1 p2 k3 k4 k5 k6`: ROS's `rational_polynomial`.
     Rational,
+    /// The coefficients of the rational model, `s1 s2 s3 s4` of a thin prism, and the angles `tau_x tau_y` of a tilted sensor in
+    /// radians: OpenCV's 14. In ROS it is a `rational_polynomial` too.
+    ThinPrism,
     /// `k1 k2 k3 k4`, for fisheyes: `equidistant` of ROS and Kalibr.
     Equidistant,
 }
 
 impl LensModel {
     /// All models.
-    pub const ALL: [LensModel; 3] = [LensModel::PlumbBob, LensModel::Rational, LensModel::Equidistant];
+    pub const ALL: [LensModel; 4] = [LensModel::PlumbBob, LensModel::Rational, LensModel::ThinPrism, LensModel::Equidistant];
 
     /// The name in a `camera.toml`.
     pub fn name(self) -> &'static str {
         match self {
             LensModel::PlumbBob => "plumb_bob",
             LensModel::Rational => "rational",
+            LensModel::ThinPrism => "thin_prism",
             LensModel::Equidistant => "equidistant",
-        }
-    }
-
-    /// The model of a name in a `camera.toml` or in the files of ROS and Kalibr.
-    pub fn named(name: &str) -> Option<LensModel> {
-        match name {
-            "plumb_bob" | "radtan" => Some(LensModel::PlumbBob),
-            "rational" | "rational_polynomial" => Some(LensModel::Rational),
-            "equidistant" | "fisheye" => Some(LensModel::Equidistant),
-            _ => None,
         }
     }
 
     /// The names of the coefficients.
     pub fn coefficient_names(self) -> &'static [&'static str] {
+        const OPENCV: [&str; 14] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"];
         match self {
-            LensModel::PlumbBob => &["k1", "k2", "p1", "p2", "k3"],
-            LensModel::Rational => &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"],
+            LensModel::PlumbBob => &OPENCV[..5],
+            LensModel::Rational => &OPENCV[..8],
+            LensModel::ThinPrism => &OPENCV,
             LensModel::Equidistant => &["k1", "k2", "k3", "k4"],
         }
     }
@@ -85,6 +87,14 @@ pub enum LensError {
         /// Its value.
         value: f64,
     },
+    /// The sensor is tilted by a right angle or more.
+    #[error("{name} = {value} radians, which is no tilt below a right angle")]
+    Tilt {
+        /// The name of the angle.
+        name: &'static str,
+        /// Its value in radians.
+        value: f64,
+    },
 }
 
 /// A lens: a model of distortion with its coefficients.
@@ -99,11 +109,13 @@ pub enum LensError {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     model: LensModel,
-    /// Those that the model does not have are 0, in the order of [`LensModel::Rational`] unless it is equidistant.
-    coefficients: [f64; 8],
+    /// Those that the model does not have are 0, in the order of [`LensModel::ThinPrism`] unless it is equidistant.
+    coefficients: [f64; MOST_COEFFICIENTS],
     max_radius: f64,
 }
 
+/// The number of coefficients of the model that has the most.
+const MOST_COEFFICIENTS: usize = 14;
 /// The largest ideal radius, about 87 degrees off the optical axis. No picture of an ideal camera goes so far.
 const LARGEST_RADIUS: f64 = 20.0;
 /// The largest error of [`Lens::undistort`], in distorted normalised coordinates.
@@ -111,12 +123,13 @@ const TOLERANCE: f64 = 1e-12;
 
 impl Lens {
     /// A lens without distortion.
-    pub const IDEAL: Lens = Lens { model: LensModel::PlumbBob, coefficients: [0.0; 8], max_radius: LARGEST_RADIUS };
+    pub const IDEAL: Lens =
+        Lens { model: LensModel::PlumbBob, coefficients: [0.0; MOST_COEFFICIENTS], max_radius: LARGEST_RADIUS };
 
     /// A lens with the coefficients named by [`LensModel::coefficient_names`].
     ///
     /// # Errors
-    /// [`LensError`] if their number is wrong or one is not finite.
+    /// [`LensError`] if their number is wrong, one is not finite, or an angle is not below a right one.
     pub fn new(model: LensModel, coefficients: &[f64]) -> Result<Lens, LensError> {
         let names = model.coefficient_names();
         if coefficients.len() != names.len() {
@@ -125,7 +138,11 @@ impl Lens {
         if let Some((name, value)) = names.iter().zip(coefficients).find(|(_, value)| !value.is_finite()) {
             return Err(LensError::NotFinite { name, value: *value });
         }
-        let mut all = [0.0; 8];
+        let mut tilts = names.iter().zip(coefficients).filter(|(name, _)| name.starts_with("tau"));
+        if let Some((name, value)) = tilts.find(|(_, value)| value.abs() >= FRAC_PI_2) {
+            return Err(LensError::Tilt { name, value: *value });
+        }
+        let mut all = [0.0; MOST_COEFFICIENTS];
         all[..coefficients.len()].copy_from_slice(coefficients);
         let lens = Lens { model, coefficients: all, max_radius: LARGEST_RADIUS };
         Ok(Lens { max_radius: lens.first_fold(), ..lens })
@@ -149,7 +166,11 @@ impl Lens {
 
     /// The distorted coordinates of the ideal ones. `None` beyond [`max_radius`](Lens::max_radius).
     pub fn distort(&self, ideal: [f64; 2]) -> Option<[f64; 2]> {
-        self.distort_with_slopes(ideal).map(|(distorted, _)| distorted)
+        let ([x, y], _) = self.distort_with_slopes(ideal)?;
+        let Some(tilt) = self.tilt() else { return Some([x, y]) };
+        let ray = tilt * Vector3::new(x, y, 1.0);
+        let project = |at: f64, axis: usize| tilt[(2, 2)] * at / ray.z - tilt[(axis, 2)];
+        (ray.z > 0.0).then(|| [project(ray.x, 0), project(ray.y, 1)])
     }
 
     /// The ideal coordinates of the distorted ones, with an error of at most 1e-12 after they are distorted again. `None` for
@@ -157,6 +178,7 @@ impl Lens {
     pub fn undistort(&self, distorted: [f64; 2]) -> Option<[f64; 2]> {
         const MAX_STEPS: usize = 40;
         const MAX_HALVINGS: i32 = 20;
+        let distorted = self.without_tilt(distorted)?;
         // The solution without tangential distortion, by bisection, as the radius grows. Then Newton's method.
         let target = distorted[0].hypot(distorted[1]);
         let (mut low, mut high) = (0.0, self.max_radius);
@@ -173,8 +195,8 @@ impl Lens {
         let error = |[u, v]: [f64; 2]| (u - distorted[0]).hypot(v - distorted[1]);
         let (mut found, mut slopes) = self.distort_with_slopes([x, y])?;
         for _ in 0..MAX_STEPS {
-            let [xx, xy, yy] = slopes;
-            let determinant = xx * yy - xy * xy;
+            let [[xx, xy], [yx, yy]] = slopes;
+            let determinant = xx * yy - xy * yx;
             if determinant <= 0.0 || xx <= 0.0 {
                 return None;
             }
@@ -182,7 +204,7 @@ impl Lens {
                 return Some([x, y]);
             }
             let (error_x, error_y) = (found[0] - distorted[0], found[1] - distorted[1]);
-            let step = [(yy * error_x - xy * error_y) / determinant, (xx * error_y - xy * error_x) / determinant];
+            let step = [(yy * error_x - xy * error_y) / determinant, (xx * error_y - yx * error_x) / determinant];
             // Near the end of the model, a whole step can leave it.
             let shorter = |halvings: i32| {
                 let length = 0.5_f64.powi(halvings);
@@ -197,20 +219,38 @@ impl Lens {
         None
     }
 
-    /// The distorted coordinates and their derivatives: of `x'` by `x`, of `x'` by `y` (and of `y'` by `x`), of `y'` by `y`.
-    fn distort_with_slopes(&self, [x, y]: [f64; 2]) -> Option<([f64; 2], [f64; 3])> {
+    /// The rotation from the lens to a tilted sensor.
+    fn tilt(&self) -> Option<Rotation3<f64>> {
+        let [.., tau_x, tau_y] = self.coefficients;
+        let about = |axis, tau: f64| Rotation3::from_axis_angle(&axis, -tau);
+        ([tau_x, tau_y] != [0.0; 2]).then(|| about(Vector3::y_axis(), tau_y) * about(Vector3::x_axis(), tau_x))
+    }
+
+    /// The coordinates of a point that a tilted sensor sees as `distorted`.
+    fn without_tilt(&self, distorted: [f64; 2]) -> Option<[f64; 2]> {
+        let Some(tilt) = self.tilt() else { return Some(distorted) };
+        let [x, y] = [0, 1].map(|axis| (distorted[axis] + tilt[(axis, 2)]) / tilt[(2, 2)]);
+        let ray = tilt.inverse() * Vector3::new(x, y, 1.0);
+        (ray.z > 0.0).then(|| [ray.x / ray.z, ray.y / ray.z])
+    }
+
+    /// The distorted coordinates on a sensor without tilt and their derivatives: of `x'` by `x` and `y`, and of `y'` by both.
+    fn distort_with_slopes(&self, [x, y]: [f64; 2]) -> Option<([f64; 2], [[f64; 2]; 2])> {
         let r2 = x * x + y * y;
         let [factor, slope] = self.radial(r2.sqrt()).filter(|_| r2.sqrt() <= self.max_radius)?;
-        let [p1, p2] = match self.model {
-            LensModel::PlumbBob | LensModel::Rational => [self.coefficients[2], self.coefficients[3]],
-            LensModel::Equidistant => [0.0; 2],
+        let [p1, p2, s1, s2, s3, s4] = match self.model {
+            LensModel::Equidistant => [0.0; 6],
+            _ => [2, 3, 8, 9, 10, 11].map(|k| self.coefficients[k]),
         };
-        let distorted =
-            [x * factor + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * factor + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y];
+        let distorted = [
+            x * factor + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + s2 * r2),
+            y * factor + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y + r2 * (s3 + s4 * r2),
+        ];
+        let shared = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y;
+        let [prism_x, prism_y] = [2.0 * (s1 + 2.0 * s2 * r2), 2.0 * (s3 + 2.0 * s4 * r2)];
         let slopes = [
-            factor + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
-            2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y,
-            factor + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
+            [factor + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x + prism_x * x, shared + prism_x * y],
+            [shared + prism_y * x, factor + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x + prism_y * y],
         ];
         Some((distorted, slopes))
     }
@@ -220,8 +260,8 @@ impl Lens {
     fn radial(&self, r: f64) -> Option<[f64; 2]> {
         let r2 = r * r;
         match self.model {
-            LensModel::PlumbBob | LensModel::Rational => {
-                let [k1, k2, _, _, k3, k4, k5, k6] = self.coefficients;
+            LensModel::PlumbBob | LensModel::Rational | LensModel::ThinPrism => {
+                let [k1, k2, _, _, k3, k4, k5, k6, ..] = self.coefficients;
                 let (top, top_slope) = cubic([k1, k2, k3], r2);
                 let (bottom, bottom_slope) = cubic([k4, k5, k6], r2);
                 (bottom > 0.0).then(|| [top / bottom, (top_slope * bottom - top * bottom_slope) / (bottom * bottom)])
@@ -269,6 +309,8 @@ mod tests {
 
     const PLUMB_BOB: [f64; 5] = [-0.25, 0.08, 0.0012, -0.0007, -0.01];
     const RATIONAL: [f64; 8] = [0.4, -0.15, 0.0005, 0.0011, 0.02, 0.7, -0.05, 0.015];
+    const THIN_PRISM: [f64; 14] =
+        [0.4, -0.15, 0.0005, 0.0011, 0.02, 0.7, -0.05, 0.015, 0.0012, -0.0004, -0.0009, 0.0003, 0.03, -0.02];
     const EQUIDISTANT: [f64; 4] = [-0.013, 0.021, -0.018, 0.004];
 
     /// Ideal and distorted coordinates.
@@ -282,7 +324,8 @@ mod tests {
     fn distorts_as_opencv_does() {
         // cv2.projectPoints and cv2.fisheye.projectPoints of OpenCV 5.0.0 with the camera matrix numpy.eye(3), no rotation and
         // no translation, on points with z = 1.
-        let cases: [(LensModel, &[f64], Points); 3] = [
+        let no_tilt = [&THIN_PRISM[..12], &[0.0; 2]].concat();
+        let cases: [(LensModel, &[f64], Points); 5] = [
             (
                 LensModel::PlumbBob,
                 &PLUMB_BOB,
@@ -300,6 +343,26 @@ mod tests {
                     ([0.3, -0.2], [0.289_086_871_094_035_36, -0.192_564_247_396_023_6]),
                     ([-0.45, 0.31], [-0.412_631_259_600_597_93, 0.284_632_662_391_523_1]),
                     ([0.05, 0.4], [0.047_895_510_919_749_82, 0.381_815_337_357_998_6]),
+                ],
+            ),
+            (
+                LensModel::ThinPrism,
+                &no_tilt,
+                &[
+                    ([0.3, -0.2], [0.289_236_111_094_035_35, -0.192_676_177_396_023_6]),
+                    ([-0.45, 0.31], [-0.412_308_604_384_597_93, 0.284_390_670_979_523_1]),
+                    ([0.05, 0.4], [0.048_079_948_419_749_82, 0.381_677_009_232_998_6]),
+                ],
+            ),
+            (
+                LensModel::ThinPrism,
+                &THIN_PRISM,
+                &[
+                    ([0.0, 0.0], [0.0, 0.0]),
+                    ([0.3, -0.2], [0.289_295_726_315_353_6, -0.192_590_467_880_534_75]),
+                    ([-0.45, 0.31], [-0.412_507_941_762_833_45, 0.284_351_758_143_346_46]),
+                    ([0.05, 0.4], [0.048_694_148_013_307_74, 0.386_678_654_914_649_7]),
+                    ([-0.6, -0.5], [-0.493_424_879_489_598_96, -0.412_738_185_194_390_8]),
                 ],
             ),
             (
@@ -325,9 +388,12 @@ mod tests {
 
     #[test]
     fn undistorting_inverts_distorting_up_to_the_end_of_the_model() {
-        for (model, coefficients) in
-            [(LensModel::PlumbBob, &PLUMB_BOB[..]), (LensModel::Rational, &RATIONAL), (LensModel::Equidistant, &EQUIDISTANT)]
-        {
+        for (model, coefficients) in [
+            (LensModel::PlumbBob, &PLUMB_BOB[..]),
+            (LensModel::Rational, &RATIONAL),
+            (LensModel::ThinPrism, &THIN_PRISM),
+            (LensModel::Equidistant, &EQUIDISTANT),
+        ] {
             let lens = Lens::new(model, coefficients).unwrap();
             for step in 0..400 {
                 let (angle, radius) = (0.1 * f64::from(step), 0.97 * lens.max_radius().min(4.0) * f64::from(step) / 400.0);
@@ -366,5 +432,7 @@ mod tests {
         let message = |model, coefficients: &[f64]| Lens::new(model, coefficients).unwrap_err().to_string();
         assert_eq!(message(LensModel::Equidistant, &[0.0; 5]), "5 coefficients, but equidistant has 4 (k1 k2 k3 k4)");
         assert_eq!(message(LensModel::PlumbBob, &[0.0, 0.0, f64::NAN, 0.0, 0.0]), "p1 = NaN, which is not a finite number");
+        let upright = [&[0.0; 13][..], &[1.6]].concat();
+        assert!(message(LensModel::ThinPrism, &upright).starts_with("tau_y = 1.6 radians, which is no tilt"));
     }
 }

@@ -81,6 +81,8 @@ fn camera(model: LensModel, coefficients: &[f64]) -> CameraModel {
 }
 
 const PLUMB_BOB: [f64; 5] = [-0.266373, -0.038589, 0.001783, -0.000281, 0.238392];
+const THIN_PRISM: [f64; 14] =
+    [0.4, -0.15, 0.0005, 0.0011, 0.02, 0.7, -0.05, 0.015, 0.0012, -0.0004, -0.0009, 0.0003, 0.03, -0.02];
 
 #[test]
 fn the_files_of_ros_opencv_and_kalibr_are_read() {
@@ -130,6 +132,127 @@ fn the_files_of_ros_opencv_and_kalibr_are_read() {
     assert_eq!(read(&four), camera(LensModel::Equidistant, &[-0.266373, -0.038589, 0.001783, -0.000281]));
 }
 
+/// As `camera_calibration` of ROS prints it, and its console.
+const INI: &str = "\
+# oST version 5.0 parameters
+
+
+[image]
+
+width
+640
+
+height
+480
+
+[narrow_stereo]
+
+camera matrix
+535.91573 0.000000 342.28315
+0.000000 536.5 235.57083
+0.000000 0.000000 1.000000
+
+distortion
+-0.266373 -0.038589 0.001783 -0.000281 0.238392
+
+rectification
+1.000000 0.000000 0.000000
+0.000000 1.000000 0.000000
+0.000000 0.000000 1.000000
+
+projection
+500.0 0.000000 343.0 0.000000
+0.000000 520.0 236.0 0.000000
+0.000000 0.000000 1.000000 0.000000
+";
+
+#[test]
+fn one_camera_is_found_in_the_files_of_other_programs() {
+    let numbers = "-0.266373, -0.038589, 0.001783, -0.000281, 0.238392";
+    let matrix = "535.91573, 0.0, 342.28315, 0.0, 536.5, 235.57083, 0.0, 0.0, 1.0";
+    let rows = "[[535.91573, 0.0, 342.28315], [0.0, 536.5, 235.57083], [0.0, 0.0, 1.0]]";
+    let scalars = "fx: 535.91573\nfy: 536.5\ncx: 342.28315\ncy: 235.57083\nk1: -0.266373\nk2: -0.038589\n\
+        p1: 0.001783\np2: -0.000281\nk3: 0.238392\nwidth: 640\nheight: 480\n";
+    let dotted: String = scalars.lines().map(|line| format!("Camera.{line}\n")).collect();
+    let block: String = matrix.split(", ").map(|number| format!("- {number}\n")).collect();
+    let files = [
+        // ROS 2 and ROS 1: the message.
+        format!(
+            "header:\n  frame_id: optical\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\nd: [{numbers}]\nk:\n{block}\
+             r: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nbinning_x: 0\nroi:\n  height: 0\n  width: 0\n---\n"
+        ),
+        format!("height: 480\nwidth: 640\ndistortion_model: \"plumb_bob\"\nD: [{numbers}]\nK: [{matrix}]\n---\nheight: 1\n"),
+        // Autoware, and OpenCV's interactive calibration.
+        OPENCV
+            .replace("image_width: 640\nimage_height: 480\nfisheye_model: 0", "ImageSize: [ 640, 480 ]\nDistModel: plumb_bob")
+            .replace("camera_matrix", "CameraMat")
+            .replace("distortion_coefficients", "DistCoeff"),
+        OPENCV
+            .replace("image_width: 640\nimage_height: 480\nfisheye_model: 0", "cameraResolution: [ 640, 480 ]")
+            .replace("camera_matrix", "cameraMatrix")
+            .replace("distortion_coefficients", "distCoeffs"),
+        // Python's `yaml` and `json`; EuRoC; ORB-SLAM; camodocal; Open3D's columns.
+        format!("camera_matrix: {rows}\ndist_coeff: [[{numbers}]]\nimg_size: 640x480\n"),
+        format!("{{\"calibration\": {{\"mtx\": {rows}, \"dist\": [[{numbers}]], \"image_size\": [640.0, 480.0]}}}}"),
+        format!(
+            "sensor_type: camera\nresolution: [640, 480]\ncamera_model: pinhole\nintrinsics: [535.91573, 536.5, 342.28315, 235.57083]\n\
+             distortion_model: radial-tangential\ndistortion_coefficients: [{numbers}]\n"
+        ),
+        format!("%YAML:1.0\n\nCamera.type: \"PinHole\"\n{dotted}"),
+        "model_type: PINHOLE\nimage_width: 640\nimage_height: 480\ndistortion_parameters: {k1: -0.266373, k2: -0.038589, p1: \
+         0.001783, p2: -0.000281, k3: 0.238392}\nprojection_parameters: {fx: 535.91573, fy: 536.5, cx: 342.28315, cy: 235.57083}\n"
+            .into(),
+        format!(
+            "{{\"width\": 640, \"height\": 480, \"intrinsic_matrix\": [535.91573, 0, 0, 0, 536.5, 0, 342.28315, 235.57083, 1], \
+             \"coeffs\": [{numbers}]}}"
+        ),
+        INI.into(),
+        INI.replace("\n\nheight\n", " \nheight ").replace('\n', "\r\n"),
+        format!("image_width = 640\nimage_height = 480\nD = [{numbers}]\nK = [{matrix}]\n"),
+        format!("D = [{numbers}]\nK = [535.91573 0 342.28315; 0 536.5 235.57083; 0 0 1]\nsize = [640, 480]\nmodel = 'C 920'\n"),
+    ];
+    for text in files {
+        let found = read_as("lens.yaml", &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        assert_eq!(found, camera(LensModel::PlumbBob, &PLUMB_BOB), "{text}");
+    }
+}
+
+/// OpenCV and ROS take 4, 5, 8, 12 or 14 coefficients, those that are missing being 0.
+#[test]
+fn zeros_need_no_model_that_has_them() {
+    let with = |model: &str, coefficients: &[f64]| {
+        let text = ROS
+            .replace("plumb_bob", model)
+            .replace("[-0.266373, -0.038589, 0.001783, -0.000281, 0.238392]", &format!("{coefficients:?}"));
+        read_as("lens.yaml", &text.replace("cols: 5", &format!("cols: {}", coefficients.len())))
+    };
+    let padded = |coefficients: &[f64], count: usize| [coefficients, &[0.0; 14]].concat()[..count].to_vec();
+    let plumb_bob = camera(LensModel::PlumbBob, &PLUMB_BOB);
+    for (model, count) in
+        [("plumb_bob", 8), ("plumb_bob", 14), ("rational_polynomial", 5), ("rational_polynomial", 12), ("pinhole", 8)]
+    {
+        assert_eq!(with(model, &padded(&PLUMB_BOB, count)).unwrap(), plumb_bob, "{model}, {count}");
+    }
+    assert_eq!(with("rational_polynomial", &THIN_PRISM).unwrap(), camera(LensModel::ThinPrism, &THIN_PRISM));
+    let rational = camera(LensModel::Rational, &THIN_PRISM[..8]);
+    assert_eq!(with("rational_polynomial", &padded(&THIN_PRISM[..8], 14)).unwrap(), rational);
+    let fisheye = [-0.013, 0.021, -0.018, 0.004];
+    assert_eq!(with("equidistant", &padded(&fisheye, 5)).unwrap(), camera(LensModel::Equidistant, &fisheye));
+    assert_eq!(with("''", &[]).unwrap().lens, Lens::IDEAL);
+    // ROS 1 wrote five columns for any coefficients.
+    let eight = ROS.replace("plumb_bob", "rational_polynomial");
+    let eight = eight.replace("[-0.266373, -0.038589, 0.001783, -0.000281, 0.238392]", &format!("{:?}", &THIN_PRISM[..8]));
+    assert_eq!(read(&eight), rational);
+    for (model, coefficients, words) in [
+        ("plumb_bob", &THIN_PRISM[..8], "found 8 coefficients in distortion_coefficients, expected 4 or 5 for plumb_bob"),
+        ("rational_polynomial", &PLUMB_BOB[..3], "found 3 coefficients"),
+        ("equidistant", &PLUMB_BOB, "expected 4 for equidistant"),
+    ] {
+        let message = with(model, coefficients).unwrap_err().to_string();
+        assert!(message.contains(words), "{message}");
+    }
+}
+
 #[test]
 fn a_camera_toml_is_read_as_it_was_written() {
     let dir = tempfile::tempdir().unwrap();
@@ -138,6 +261,7 @@ fn a_camera_toml_is_read_as_it_was_written() {
         camera(LensModel::PlumbBob, &PLUMB_BOB),
         camera(LensModel::Equidistant, &[-0.013, 0.021, -0.018, 0.004]),
         CameraModel { size: None, ..camera(LensModel::Rational, &[0.1; 8]) },
+        camera(LensModel::ThinPrism, &THIN_PRISM),
     ] {
         camera.save(&path).unwrap();
         assert_eq!(CameraModel::read(&path).unwrap(), camera);
@@ -169,12 +293,14 @@ fn bad_files_are_refused_by_name() {
     refused("lens.yaml", "{}", &["found no fields"]);
     refused("lens.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>\n", &["found an XML file, expected YAML"]);
     refused("lens.yaml", "\u{1}", &["instead of fields"]);
-    refused("lens.yaml", &"K = 1 ".repeat(50_000), &["found \"K = 1 K = 1", "..., expected a calibration"]);
+    refused("lens.yaml", &"K 1 ".repeat(50_000), &["found \"K 1 K 1", "...\" instead of fields, expected a calibration"]);
+    refused("lens.yaml", &"K = 1 ".repeat(50_000), &["in K, expected a list of numbers"]);
     refused("lens.yaml", "a: [1, 2", &["text that is not YAML (line ", "expected ',' or ']'"]);
     refused("lens.yaml", &"[".repeat(100_000), &["lens.yaml"]);
     // Truncated anywhere, the file is refused unless only fields are missing that are not used.
-    for base in [ROS, OPENCV, KALIBR] {
-        let used = base.find("rectification_matrix").or(base.find("\navg_rep")).or(base.find("\n  rostopic")).unwrap();
+    for base in [ROS, OPENCV, KALIBR, INI] {
+        let ends = ["rectification_matrix", "\navg_rep", "\n  rostopic", " 0.000000\n"];
+        let used = ends.iter().find_map(|end| base.rfind(end)).unwrap();
         let numbers_end = base[..used].trim_end().len();
         for end in 0..numbers_end - 1 {
             let message = read_as("lens.yaml", &base[..end]).map(|camera| panic!("{end}: {camera:?}")).unwrap_err().to_string();
@@ -188,21 +314,14 @@ fn bad_files_are_refused_by_name() {
     yaml(
         ROS,
         "plumb_bob",
-        "thin_prism",
-        &["found \"thin_prism\" in distortion_model", "plumb_bob, rational_polynomial or equidistant"],
+        "omni",
+        &["found \"omni\" in distortion_model", "pinhole, plumb_bob, rational_polynomial, equidistant, none"],
     );
-    yaml(
-        ROS,
-        "plumb_bob",
-        "equidistant",
-        &["found 5 coefficients, but equidistant has 4 (k1 k2 k3 k4) in distortion_coefficients"],
-    );
-    yaml(ROS, "plumb_bob", "rational_polynomial", &["5 coefficients, but rational has 8"]);
     yaml(ROS, "cols: 5", "cols: 6", &["found 5 numbers in distortion_coefficients.data, expected 1 rows of 6"]);
     yaml(ROS, "0.238392]", "x]", &["found \"x\" in distortion_coefficients.data, expected only numbers"]);
     yaml(OPENCV, "0.238392", ".Nan", &["distortion_coefficients"]);
     yaml(OPENCV, "rows: 5", "rows: 6", &["found 5 numbers"]);
-    yaml(OPENCV, "fisheye_model: 0", "fisheye_model: 1", &["5 coefficients, but equidistant has 4"]);
+    yaml(OPENCV, "fisheye_model: 0", "fisheye_model: 1", &["5 coefficients", "4 for equidistant"]);
     yaml(
         ROS,
         "camera_name: x".split(':').next().unwrap(),
@@ -210,9 +329,25 @@ fn bad_files_are_refused_by_name() {
         &["plumb_bob in distortion_model, but fisheye_model = 1"],
     );
     let six = OPENCV.replace("rows: 5", "rows: 6").replace("0.238392", "0.238392, 0.1");
-    refused("lens.yml", &six, &["found 6 coefficients in distortion_coefficients", "4, 5, 8, 12 or 14"]);
-    let prism = OPENCV.replace("rows: 5", "rows: 12").replace("0.238392", "0.238392, 0, 0, 0, 0, 0.001, 0, 0");
-    refused("lens.yml", &prism, &["a thin prism or a tilted sensor"]);
+    refused("lens.yml", &six, &["found 6 coefficients in distortion_coefficients", "4 or 5 or 8 or 12 or 14"]);
+    yaml(
+        ROS,
+        "image_width",
+        "image_size: [480, 640]\nimage_width",
+        &["480x640 pixels in image_size, but 640x480 in image_width"],
+    );
+    yaml(OPENCV, "image_width: 640\nimage_height", "cameraResolution: [640]\nx", &["found no size in cameraResolution"]);
+    yaml(INI, "[narrow_stereo]", "[image]", &["found [image] twice", "keep the one that takes the images"]);
+    yaml(INI, "distortion\n", "distortion\nx", &["found \"\" in narrow_stereo.distortion"]);
+    for two in ["cam0=[200 0 79.5; 0 200 59.5; 0 0 1]\ncam1=[200 0 90; 0 200 59.5; 0 0 1]\n", "K1: [1]\nD1: [1]\nK2: [1]\n"] {
+        refused("calib.txt", two, &["found 2 cameras (", "keep the one"]);
+    }
+    refused("lens.yaml", &format!("left:\n  K: [1]\nright:\n  K: [1]\n{}", "x: 1\n"), &["found 2 cameras (left, right)"]);
+    refused(
+        "cameras.txt",
+        "# COLMAP\n1 OPENCV 640 480 500 500 320 240 0 0 0 0\n2 x\n",
+        &["\"1 OPENCV 640 480 500", "instead of fields"],
+    );
     yaml(ROS, "535.91573, 0. ", "535.91573, 0.5", &["found a skew of 0.5 in camera_matrix"]);
     yaml(ROS, "0.     , 0.     , 1. ", "0.     , 0.     , 2. ", &["no camera matrix", "fx 0 cx"]);
     yaml(ROS, "535.91573", "-535.91573", &["a focal length fx of -535.91573 pixels", "above 0"]);
@@ -231,11 +366,16 @@ fn bad_files_are_refused_by_name() {
 
     yaml(KALIBR, "pinhole", "omni", &["found \"omni\" in cam0.camera_model, expected pinhole"]);
     yaml(KALIBR, "equidistant", "fov", &["found \"fov\" in cam0.distortion_model"]);
+    yaml(KALIBR, "equidistant", "none", &["found 4 coefficients", "expected 0 for none"]);
     yaml(KALIBR, ", 0.004]", "]", &["found 3 coefficients in cam0.distortion_coeffs, expected 4 for equidistant"]);
     yaml(KALIBR, "[640, 480]", "[640]", &["cam0.resolution"]);
     yaml(KALIBR, ", 235.57083]", "]", &["found 3 numbers in cam0.intrinsics, expected 4"]);
-    yaml(KALIBR, "  rostopic", "cam1:\n  rostopic", &["found 2 cameras (cam0, cam1)", "expected one"]);
-    refused("lens.yaml", "cam0: 5", &["found 5 in cam0"]);
+    refused(
+        "lens.yaml",
+        &format!("{KALIBR}{}", KALIBR.replace("cam0:", "cam1:")),
+        &["found 2 cameras (cam0, cam1)", "expected one"],
+    );
+    refused("lens.yaml", "cam0: 5", &["found the fields cam0"]);
 
     let toml =
         "focal_px = [500.0, 500.0]\nprincipal_point = [1.0, 2.0]\nmodel = \"plumb_bob\"\ncoefficients = [0.1, 0, 0, 0, 0]\n";
@@ -243,7 +383,7 @@ fn bad_files_are_refused_by_name() {
     refused(
         "camera.toml",
         &toml.replace("plumb_bob", "radtan"),
-        &["found model = \"radtan\"", "plumb_bob, rational, equidistant"],
+        &["found model = \"radtan\"", "plumb_bob, rational, thin_prism, equidistant"],
     );
     refused("camera.toml", &toml.replace("0.1, ", ""), &["4 coefficients, but plumb_bob has 5"]);
     refused("camera.toml", &toml.replace("focal_px", "focal"), &["unknown field `focal`"]);

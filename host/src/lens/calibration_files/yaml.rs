@@ -5,7 +5,7 @@ use std::path::Path;
 use saphyr::{LoadableYamlNode, Yaml};
 use saphyr_parser::{Event, Parser};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, first_line};
 
 /// The greatest depth to which a calibration may be nested. Loading it recurses as deeply.
 const MAX_DEPTH: usize = 100;
@@ -75,14 +75,24 @@ impl<'a> Fields<'a> {
         Ok(Fields { path, prefix, pairs })
     }
 
+    /// The name of the mapping, or nothing for the document.
+    pub fn name(&self) -> &str {
+        self.prefix.trim_end_matches('.')
+    }
+
+    /// The fields that are mappings themselves.
+    pub fn mappings(&self) -> impl Iterator<Item = Fields<'a>> {
+        let of = |(name, node): &(&str, &'a Yaml<'a>)| Fields::of(self.path, format!("{}{name}.", self.prefix), node).ok();
+        self.pairs.iter().filter_map(of)
+    }
+
     /// The names of the fields.
     pub fn names(&self) -> impl Iterator<Item = &'a str> {
         self.pairs.iter().map(|(name, _)| *name)
     }
 
-    /// The first of `names` that is a field, whatever its case and underscores.
+    /// The first of `names` that is a field, as [`plain`] compares them.
     pub fn field(&self, names: &[&str]) -> Option<Field<'a>> {
-        let plain = |name: &str| name.replace('_', "").to_lowercase();
         let find = |name: &&str| self.pairs.iter().find(|(other, _)| plain(other) == plain(name));
         let (name, node) = names.iter().find_map(find)?;
         Some(Field { path: self.path, name: format!("{}{name}", self.prefix), node })
@@ -95,6 +105,13 @@ impl<'a> Fields<'a> {
             Error::format(self.path, found, "a complete calibration of ROS, OpenCV or Kalibr")
         })
     }
+}
+
+/// A name without case, `_`, `-` and blanks, and without the `Camera.` that some files put before each.
+pub fn plain(name: &str) -> String {
+    let name = name.replace(['_', '-', ' '], "").to_lowercase();
+    let bare = ["camera.", "camera1."].iter().find_map(|prefix| name.strip_prefix(prefix));
+    bare.map_or_else(|| name.clone(), String::from)
 }
 
 /// A field of a mapping.
@@ -124,11 +141,33 @@ impl<'a> Field<'a> {
 
     /// A whole number of pixels.
     pub fn pixels(&self) -> Result<usize> {
-        let whole = self.node.as_integer().and_then(|number| usize::try_from(number).ok());
+        let whole = number(self.node).and_then(whole);
         whole.ok_or_else(|| self.error(describe(self.node), "a whole number of pixels"))
     }
 
-    /// The numbers of a matrix, row by row: a mapping with `rows`, `cols` and `data`, or a list of numbers or of rows.
+    /// A width and a height in pixels: two numbers, a mapping with them, or text such as 640x480. `None` for a single number.
+    pub fn size(&self) -> Result<Option<[usize; 2]>> {
+        if number(self.node).is_some() {
+            return Ok(None);
+        }
+        if let Ok(fields) = self.fields()
+            && fields.field(&["width"]).is_some()
+        {
+            return Ok(Some([fields.required(&["width"])?.pixels()?, fields.required(&["height"])?.pixels()?]));
+        }
+        let numbers = match self.node.as_str().and_then(|text| text.split_once('x')) {
+            Some((width, height)) => [width, height].iter().filter_map(|side| side.trim().parse().ok()).collect(),
+            None => self.numbers()?,
+        };
+        match numbers[..] {
+            [width, height] => whole(width).zip(whole(height)).map(|(width, height)| Some([width, height])),
+            _ => None,
+        }
+        .ok_or_else(|| self.error("no size", "two whole numbers of pixels: width and height"))
+    }
+
+    /// The numbers of a matrix, row by row: a mapping with `rows`, `cols` and `data`, or a list of numbers or of rows. More
+    /// numbers than rows and columns are taken as they are, since ROS 1 wrote `cols: 5` for eight coefficients.
     pub fn numbers(&self) -> Result<Vec<f64>> {
         if self.node.as_mapping().is_none() {
             return self.list();
@@ -137,25 +176,33 @@ impl<'a> Field<'a> {
         let data = fields.required(&["data"])?;
         let numbers = data.list()?;
         let [rows, cols] = [fields.required(&["rows"])?.pixels()?, fields.required(&["cols"])?.pixels()?];
-        if rows.checked_mul(cols) != Some(numbers.len()) {
+        if rows.checked_mul(cols).is_none_or(|count| count > numbers.len()) {
             return Err(data.error(format!("{} numbers", numbers.len()), format!("{rows} rows of {cols}, as the file says")));
         }
         Ok(numbers)
     }
 
     fn list(&self) -> Result<Vec<f64>> {
-        let expected = || self.error(describe(self.node), "a list of numbers");
-        let rows = self.node.as_sequence().ok_or_else(expected)?;
-        let one = |node: &Yaml| number(node).ok_or_else(|| self.error(describe(node), "only numbers"));
         let mut numbers = Vec::new();
-        for row in rows {
-            match row.as_sequence() {
-                Some(row) => numbers.extend(row.iter().map(one).collect::<Result<Vec<_>>>()?),
-                None => numbers.push(one(row)?),
-            }
+        match self.node.as_sequence() {
+            Some(nodes) => self.flatten(nodes, &mut numbers).map(|()| numbers),
+            None => Err(self.error(describe(self.node), "a list of numbers")),
         }
-        Ok(numbers)
     }
+
+    fn flatten(&self, nodes: &[Yaml], numbers: &mut Vec<f64>) -> Result<()> {
+        nodes.iter().try_for_each(|node| match node.as_sequence() {
+            Some(row) => self.flatten(row, numbers),
+            None => {
+                numbers.push(number(node).ok_or_else(|| self.error(describe(node), "only numbers"))?);
+                Ok(())
+            }
+        })
+    }
+}
+
+fn whole(number: f64) -> Option<usize> {
+    (number >= 0.0 && number.fract() == 0.0).then_some(number as usize)
 }
 
 fn number(node: &Yaml) -> Option<f64> {
@@ -165,7 +212,7 @@ fn number(node: &Yaml) -> Option<f64> {
 /// Describes a node in words.
 fn describe(node: &Yaml) -> String {
     if let Some(text) = node.as_str() {
-        return format!("{text:?}");
+        return format!("{:?}", first_line(text));
     }
     match (number(node), node) {
         (Some(number), _) => number.to_string(),

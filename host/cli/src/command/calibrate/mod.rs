@@ -21,7 +21,7 @@ use multiscopic_core::{View, Views, capture::Plan};
 
 use super::{
     hardware::Hardware,
-    options::{HardwareOptions, micrometres, value::positive},
+    options::{HardwareOptions, micrometres, read_lens, value::positive},
     terminal,
 };
 
@@ -75,7 +75,7 @@ struct MountCommand {
     #[arg(long, value_name = "MM", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     step: f64,
 
-    /// Calibration of the camera's lens: a camera.toml, or the YAML of ROS, OpenCV or Kalibr
+    /// Calibration of the camera's lens: a camera.toml, or a file of ROS, OpenCV or Kalibr
     #[arg(long, value_name = "FILE", conflicts_with = "focal_px")]
     lens: Option<PathBuf>,
 
@@ -101,7 +101,7 @@ impl MountCommand {
             return Err(Error::Usage(message.into()));
         }
         output::check(&[&self.output], &self.lens.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-        let lens = self.lens.as_deref().map(LensFile::read).transpose()?;
+        let lens = self.lens.as_deref().map(read_lens).transpose()?;
         let (frames, failure) = self.frames(&lens)?;
         let known_px = lens.as_ref().map(LensFile::focal_px).or(self.focal_px);
         let middle = frames.size().map(|side| (side as f64 - 1.0) / 2.0);

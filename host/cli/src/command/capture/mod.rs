@@ -31,7 +31,7 @@ use self::long_baseline::{LongBaseline, at_multiple};
 pub use self::recorder::Recorder;
 use super::{
     hardware::Hardware,
-    options::{HardwareOptions, NeighborOptions, SearchOptions, micrometres, output_file, value::positive},
+    options::{HardwareOptions, NeighborOptions, SearchOptions, micrometres, output_file, read_lens, value::positive},
     terminal, view,
 };
 
@@ -144,7 +144,7 @@ pub struct RecorderOptions {
     #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
     focal_px: Option<f64>,
 
-    /// Calibration of the camera's lens, which distorts the images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr. A copy
+    /// Calibration of the camera's lens, which distorts the images: a camera.toml, or a file of ROS, OpenCV or Kalibr. A copy
     /// is kept beside rig.toml, and `match` undistorts the images by it
     #[arg(long, value_name = "FILE")]
     lens: Option<PathBuf>,
@@ -167,7 +167,7 @@ impl RecorderOptions {
     ///
     /// From then on, Ctrl-C no longer ends the program.
     pub fn recorder(&self) -> Result<Recorder> {
-        let lens = self.lens.as_deref().map(LensFile::read).transpose()?;
+        let lens = self.lens.as_deref().map(read_lens).transpose()?;
         let mount = self.mount.as_deref().map(Mount::read).transpose()?;
         let mut hardware = Hardware::open(&self.hardware)?;
         if let Some(lens) = &lens {

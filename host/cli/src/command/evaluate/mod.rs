@@ -170,7 +170,7 @@ struct RigOptions {
     #[arg(long, value_name = "X,Y,W,H", requires = "plane")]
     region: Option<ImageRegion>,
 
-    /// Calibration of the lens, which distorts all images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr [default: the lens
+    /// Calibration of the lens, which distorts all images: a camera.toml, or a file of ROS, OpenCV or Kalibr [default: the lens
     /// of rig.toml]
     #[arg(long, value_name = "FILE", conflicts_with = "dataset")]
     lens: Option<PathBuf>,

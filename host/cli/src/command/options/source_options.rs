@@ -51,7 +51,7 @@ pub struct SourceOptions {
     #[arg(long, value_name = "I,J=IMAGE", value_parser = ViewImage::from_str, allow_hyphen_values = true)]
     view: Vec<ViewImage>,
 
-    /// Calibration of the lens, which distorts all images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr [default: the lens
+    /// Calibration of the lens, which distorts all images: a camera.toml, or a file of ROS, OpenCV or Kalibr [default: the lens
     /// of rig.toml; without one, the images are taken as they are]
     #[arg(long, value_name = "FILE")]
     lens: Option<PathBuf>,
@@ -92,6 +92,7 @@ impl Source {
         }
         let rig = Rig::load(directory)?;
         let lens = LensFile::of_rig(&rig, directory, lens)?;
+        lens.iter().for_each(warn_of_size);
         let path = directory.join(Rig::FILE_NAME);
         Ok(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path), bits: bits.clone() })
     }
@@ -159,6 +160,23 @@ pub fn depth_of(bits: &BitsOption, known: Option<BitDepth>, paths: &[&Path]) -> 
     Ok(Some(depth))
 }
 
+/// Reads the calibration of a lens, and warns if it does not tell the size of its images.
+pub fn read_lens(path: &Path) -> Result<LensFile> {
+    let lens = LensFile::read(path)?;
+    warn_of_size(&lens);
+    Ok(lens)
+}
+
+fn warn_of_size(lens: &LensFile) {
+    let is_rig = lens.path.file_name().is_some_and(|name| name == Rig::FILE_NAME);
+    if lens.camera.size.is_none() && !is_rig {
+        let key =
+            if lens.path.extension().is_some_and(|ending| ending == "toml") { "size" } else { "image_width and image_height" };
+        let path = lens.path.display();
+        terminal::warn(&format!("{path} does not tell the size of its images, which must be that of yours: add {key} to it"));
+    }
+}
+
 /// A view and its image, as `--view` takes them.
 #[derive(Clone, Debug)]
 struct ViewImage {
@@ -208,7 +226,7 @@ impl SourceOptions {
                 Err(Error::Usage(message.into()))
             }
             (Some(_), false) => {
-                let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
+                let lens = lens.as_deref().map(read_lens).transpose()?;
                 Ok(Some(Source { images, rig: None, lens, rig_file: None, bits }))
             }
         }

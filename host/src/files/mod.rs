@@ -8,6 +8,7 @@ pub mod input;
 mod jpeg_scans;
 pub(crate) mod npy;
 pub mod output;
+mod pair_calibration;
 mod picture_files;
 pub mod ply;
 mod rig_file;
@@ -18,4 +19,5 @@ pub use disparity_files::{pfm_bytes, read_pfm, read_pfm_within, read_prior, read
 pub use frame_files::FrameFiles;
 pub use input::Limits;
 pub use npy::{write_npy, write_npz};
+pub use pair_calibration::PairCalibration;
 pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};

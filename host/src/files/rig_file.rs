@@ -7,7 +7,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{frame_files::FrameFiles, input, output};
+use super::{PairCalibration, frame_files::FrameFiles, input, output};
 use crate::{
     error::{Error, Result},
     images::Geometry,
@@ -81,14 +81,25 @@ impl Rig {
     /// The name of the file in a captured folder.
     pub const FILE_NAME: &str = "rig.toml";
 
-    /// Reads the `rig.toml` in `directory`.
+    /// The file in `directory` that describes a rig: its `rig.toml`, or else the `calib.txt` beside the `im0.png` and `im1.png` of
+    /// Middlebury since 2014. `None` if there is neither.
+    pub fn file_in(directory: &Path) -> Option<PathBuf> {
+        let file = |name: &str| Some(directory.join(name)).filter(|path| path.is_file());
+        let images = || PairCalibration::IMAGES.iter().all(|name| file(name).is_some());
+        file(Rig::FILE_NAME).or_else(|| file(PairCalibration::FILE_NAME).filter(|_| images()))
+    }
+
+    /// Reads the `rig.toml` in `directory`, or the calibration that [`file_in`](Rig::file_in) finds.
     ///
     /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if a key is missing or unknown or a value is out of range. The
-    /// message names the key.
+    /// [`Error::Read`], or [`Error::Format`] if a key is missing or unknown, a value is out of range, or the images have another
+    /// size than the calibration. The message names the key.
     pub fn load(directory: &Path) -> Result<Rig> {
-        let path = directory.join(Rig::FILE_NAME);
-        let rig: Rig = input::read_toml(&path, "a rig.toml")?;
+        let path = Rig::file_in(directory).unwrap_or(directory.join(Rig::FILE_NAME));
+        let rig: Rig = match path.ends_with(PairCalibration::FILE_NAME) {
+            true => pair(directory, &path)?,
+            false => input::read_toml(&path, "a rig.toml")?,
+        };
         rig.check(&path)?;
         Ok(rig)
     }
@@ -150,6 +161,17 @@ impl Rig {
         }
         Ok(())
     }
+}
+
+/// The rig of a pair of Middlebury.
+fn pair(directory: &Path, path: &Path) -> Result<Rig> {
+    let calibration = PairCalibration::read(path)?;
+    let [center, right] = PairCalibration::IMAGES.map(PathBuf::from);
+    let image = directory.join(&center);
+    let (width, height) =
+        image::image_dimensions(&image).map_err(|error| Error::format(&image, error.to_string(), "a PNG image"))?;
+    calibration.check_size(path, [width as usize, height as usize])?;
+    Ok(calibration.rig(FrameFiles { center, right: Some(right), ..FrameFiles::default() }))
 }
 
 /// The `[alignment]` of a `rig.toml` whose images are rectified: what was wrong with the original ones. It tells people, and

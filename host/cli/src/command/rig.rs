@@ -9,7 +9,7 @@ use std::{
 use clap::{Args, Subcommand};
 use multiscopic::{
     Error, Frames, Result, Rig,
-    files::{FrameFiles, Provenance},
+    files::{FrameFiles, PairCalibration, Provenance},
     images::Layout,
 };
 use multiscopic_core::{Frame, View};
@@ -53,6 +53,11 @@ struct Init {
     #[arg(long, value_name = "cross|3x3|RxC")]
     layout: Option<Layout>,
 
+    /// Calibration of a rectified pair, for what is not given: a calib.txt of Middlebury, or a file of KITTI with P2 and P3 (or
+    /// P_rect_02 and P_rect_03), whose left image is the centre
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+
     /// Focal length in pixels; depth needs it
     #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
     focal_px: Option<f64>,
@@ -90,11 +95,12 @@ impl Init {
         images.bits = depth_of(&self.bits, None, &files.paths().collect::<Vec<_>>())?;
         // Reading them all finds photos of different sizes now instead of later.
         let (frames, _) = Frames::load_each(&images.within(directory), limits(), |_| Ok(None))?;
+        let pair = self.calibration.as_deref().map(|path| self.pair(path, &frames)).transpose()?;
         let rig = Rig {
-            baseline_mm: self.baseline_mm,
-            focal_px: self.focal_px,
-            principal_point: self.principal_point,
-            doffs: 0.0,
+            baseline_mm: self.baseline_mm.or(pair.map(|pair| pair.baseline_mm)),
+            focal_px: self.focal_px.or(pair.map(|pair| pair.focal_px)),
+            principal_point: self.principal_point.or(pair.map(|pair| pair.principal_point)),
+            doffs: pair.map_or(0.0, |pair| pair.doffs),
             lens: None,
             mount_rotation_deg: None,
             images,
@@ -108,6 +114,19 @@ impl Init {
         }
         terminal::say(&format!("wrote {}", directory.join(Rig::FILE_NAME).display()));
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// The calibration of the frames, which must be a pair of its size.
+    fn pair(&self, path: &Path, frames: &Frames) -> Result<PairCalibration> {
+        let pair = PairCalibration::read(path)?;
+        pair.check_size(path, frames.size())?;
+        if !frames.views().iter().eq([View::RIGHT]) {
+            let path = path.display();
+            return Err(Error::Usage(format!(
+                "{path} calibrates a pair: name its left image center, its right one right, and no other"
+            )));
+        }
+        Ok(pair)
     }
 }
 

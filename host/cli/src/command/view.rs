@@ -104,7 +104,7 @@ impl View {
             None => self.path.with_extension("html"),
         });
         let page = match folder {
-            Some(folder) if folder.join(Rig::FILE_NAME).is_file() => self.rig(folder, &output)?,
+            Some(folder) if Rig::file_in(folder).is_some() => self.rig(folder, &output)?,
             _ if !self.methods.is_empty() => {
                 let path = self.path.display();
                 return Err(Error::Usage(format!("--methods matches a captured folder, and {path} has no {}", Rig::FILE_NAME)));

@@ -206,7 +206,7 @@ struct PreparedRig {
 impl RigOptions {
     /// The files of a captured folder.
     fn files(&self, directory: &Path) -> Result<RigFiles> {
-        if !directory.join(Rig::FILE_NAME).is_file() {
+        if Rig::file_in(directory).is_none() {
             let directory = directory.display();
             return Err(Error::Usage(format!(
                 "{directory} has no {}: give a captured folder, or --dataset with the folder of a data set",

@@ -23,7 +23,7 @@ use crate::command::{limits, terminal};
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
 pub struct SourceOptions {
-    /// Captured folder with a rig.toml
+    /// Captured folder with a rig.toml, or a scene of Middlebury with its calib.txt
     #[arg(value_name = "RIG_DIR", conflicts_with_all = ["center", "left", "right", "top", "bottom", "view"])]
     rig: Option<PathBuf>,
 
@@ -79,13 +79,14 @@ impl Source {
         // Whoever names the file means its folder.
         let is_file = directory.file_name().is_some_and(|name| name == Rig::FILE_NAME) && directory.is_file();
         let directory = if is_file { directory.parent().unwrap_or(directory) } else { directory };
-        if directory.is_dir() && !directory.join(Rig::FILE_NAME).exists() {
+        let path = Rig::file_in(directory).unwrap_or(directory.join(Rig::FILE_NAME));
+        if directory.is_dir() && !path.exists() {
             return Err(Error::Format {
                 path: directory.into(),
                 found: format!("a folder without {}", Rig::FILE_NAME),
                 expected: format!(
-                    "a captured folder, whose {} names the images of its views: for photos that are there already, `multiscopic rig init` \
-                     writes one",
+                    "a captured folder, whose {} names the images of its views (or Middlebury's calib.txt, im0.png and im1.png): for \
+                     photos that are there already, `multiscopic rig init` writes one",
                     Rig::FILE_NAME
                 ),
             });
@@ -93,7 +94,6 @@ impl Source {
         let rig = Rig::load(directory)?;
         let lens = LensFile::of_rig(&rig, directory, lens)?;
         lens.iter().for_each(warn_of_size);
-        let path = directory.join(Rig::FILE_NAME);
         Ok(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path), bits: bits.clone() })
     }
 

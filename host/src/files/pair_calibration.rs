@@ -1,6 +1,9 @@
 //! The calibrations of rectified pairs of images, as data sets keep them.
 
-use std::{collections::HashMap, path::Path};
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+};
 
 use super::{FrameFiles, Provenance, Rig, input};
 use crate::error::{Error, Result};
@@ -107,19 +110,25 @@ impl PairCalibration {
         }
     }
 
-    /// The rig of such a pair.
-    pub fn rig(self, images: FrameFiles) -> Rig {
-        Rig {
-            baseline_mm: Some(self.baseline_mm),
-            focal_px: Some(self.focal_px),
-            principal_point: Some(self.principal_point),
-            doffs: self.doffs,
+    /// The rig of a folder of Middlebury.
+    pub(super) fn rig_in(directory: &Path) -> Result<Rig> {
+        let path = directory.join(PairCalibration::FILE_NAME);
+        let calibration = PairCalibration::read(&path)?;
+        let [center, right] = PairCalibration::IMAGES.map(PathBuf::from);
+        let image = directory.join(&center);
+        let size = image::image_dimensions(&image).map_err(|error| Error::format(&image, error.to_string(), "a PNG image"))?;
+        calibration.check_size(&path, [size.0 as usize, size.1 as usize])?;
+        Ok(Rig {
+            baseline_mm: Some(calibration.baseline_mm),
+            focal_px: Some(calibration.focal_px),
+            principal_point: Some(calibration.principal_point),
+            doffs: calibration.doffs,
             lens: None,
             mount_rotation_deg: None,
-            images,
+            images: FrameFiles { center, right: Some(right), ..FrameFiles::default() },
             capture: Provenance::default(),
             alignment: None,
-        }
+        })
     }
 }
 

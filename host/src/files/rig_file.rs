@@ -97,7 +97,7 @@ impl Rig {
     pub fn load(directory: &Path) -> Result<Rig> {
         let path = Rig::file_in(directory).unwrap_or(directory.join(Rig::FILE_NAME));
         let rig: Rig = match path.ends_with(PairCalibration::FILE_NAME) {
-            true => pair(directory, &path)?,
+            true => PairCalibration::rig_in(directory)?,
             false => input::read_toml(&path, "a rig.toml")?,
         };
         rig.check(&path)?;
@@ -161,17 +161,6 @@ impl Rig {
         }
         Ok(())
     }
-}
-
-/// The rig of a pair of Middlebury.
-fn pair(directory: &Path, path: &Path) -> Result<Rig> {
-    let calibration = PairCalibration::read(path)?;
-    let [center, right] = PairCalibration::IMAGES.map(PathBuf::from);
-    let image = directory.join(&center);
-    let (width, height) =
-        image::image_dimensions(&image).map_err(|error| Error::format(&image, error.to_string(), "a PNG image"))?;
-    calibration.check_size(path, [width as usize, height as usize])?;
-    Ok(calibration.rig(FrameFiles { center, right: Some(right), ..FrameFiles::default() }))
 }
 
 /// The `[alignment]` of a `rig.toml` whose images are rectified: what was wrong with the original ones. It tells people, and

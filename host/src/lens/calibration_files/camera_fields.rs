@@ -96,6 +96,10 @@ pub fn read(fields: Fields) -> Result<CameraModel> {
     };
     let names: Vec<String> = fields.names().map(String::from).collect();
     let numbered: Vec<String> = names.iter().filter(|name| is_numbered(name)).cloned().collect();
+    // ORB-SLAM's pairs.
+    if names.iter().any(|name| plain(name).starts_with("camera2.")) {
+        return one_of(&["Camera1".into(), "Camera2".into()]);
+    }
     let outer_size = size(&fields, true)?;
     let mut cameras = cameras(fields);
     let Some(camera) = cameras.pop() else {
@@ -110,13 +114,15 @@ pub fn read(fields: Fields) -> Result<CameraModel> {
         let names: Vec<String> = cameras.iter().chain([&camera]).map(|camera| camera.name().into()).collect();
         return one_of(&names);
     }
-    let ([fx, fy], principal_point) = pinhole(&camera)?;
+    // First, as some programs keep other things under the same names.
+    let kind = kind(&camera)?;
+    let (focal_px, principal_point) = pinhole(&camera)?;
     let size = size(&camera, false)?.or(outer_size);
     // Kalibr always writes the size, last: a file without it is cut.
     if size.is_none() && plain(camera.name()).trim_end_matches(|letter: char| letter.is_ascii_digit()) == "cam" {
         camera.required(&["resolution"])?;
     }
-    Ok(CameraModel { size, focal_px: [fx, fy], principal_point, lens: lens(&camera)? })
+    Ok(CameraModel { size, focal_px, principal_point, lens: lens(&camera, kind)? })
 }
 
 /// Returns true for a name such as `K1`, `cam0` or `camera_matrix_left`: a file that has several has several cameras.
@@ -190,8 +196,7 @@ fn size(fields: &Fields, is_outer: bool) -> Result<Option<[usize; 2]>> {
     }
 }
 
-fn lens(fields: &Fields) -> Result<Lens> {
-    let kind = kind(fields)?;
+fn lens(fields: &Fields, kind: &Kind) -> Result<Lens> {
     let (count, models) = (|given: usize| kind.counts.iter().rfind(|&&count| count <= given).copied(), kind.models);
     let list = fields.field(COEFFICIENTS);
     let inner = list.as_ref().and_then(|list| list.fields().ok()).filter(|inner| inner.field(&["data"]).is_none());

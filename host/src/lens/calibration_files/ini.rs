@@ -1,6 +1,6 @@
 //! Calibrations in text of other forms, as YAML: ROS's INI files, and lines of `name = value`.
 
-use std::{fmt::Write, path::Path};
+use std::{collections::HashSet, fmt::Write, path::Path};
 
 use crate::error::{Error, Result};
 
@@ -8,23 +8,24 @@ use crate::error::{Error, Result};
 ///
 /// In a section of ROS, a line of words is a name, and the numbers that follow, on that line and others, are its value.
 pub fn as_yaml(path: &Path, text: &str) -> Result<Option<String>> {
-    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with(['#', ';'])).collect();
-    if !lines.first().is_some_and(|line| section(line).is_some() || assignment(line).is_some()) {
+    let lines = text.lines().filter_map(|line| line.split('#').next()).map(str::trim);
+    let mut lines = lines.filter(|line| !line.is_empty() && !line.starts_with(';')).peekable();
+    if !lines.peek().is_some_and(|line| section(line).is_some() || assignment(line, &['=']).is_some()) {
         return Ok(None);
     }
-    let mut sections: Vec<&str> = Vec::new();
+    let mut sections = HashSet::new();
     let (mut yaml, mut indent) = (String::new(), "");
     let mut entry: Option<(String, Vec<&str>)> = None;
     for line in lines {
         if let Some(name) = section(line) {
             end(&mut yaml, indent, entry.take());
-            if sections.contains(&name) {
+            if !sections.insert(name) {
                 let expected = "the calibration of one camera: keep the one that takes the images";
                 return Err(Error::format(path, format!("[{name}] twice"), expected));
             }
             let _ = writeln!(yaml, "{}:", quoted(name));
-            (indent, sections) = ("  ", [sections, vec![name]].concat());
-        } else if let Some((name, value)) = assignment(line) {
+            indent = "  ";
+        } else if let Some((name, value)) = assignment(line, &['=', ':']) {
             end(&mut yaml, indent, entry.replace((name.into(), words(value).collect())));
         } else {
             let words: Vec<&str> = words(line).collect();
@@ -50,8 +51,8 @@ fn section(line: &str) -> Option<&str> {
     (!name.is_empty() && !name.contains(['[', ',', '{', '"']) && !words(name).any(is_number)).then_some(name)
 }
 
-fn assignment(line: &str) -> Option<(&str, &str)> {
-    let (name, value) = line.split_once('=')?;
+fn assignment<'a>(line: &'a str, separators: &[char]) -> Option<(&'a str, &'a str)> {
+    let (name, value) = line.split_once(separators)?;
     (!name.trim().is_empty() && !name.contains(['<', '{', '[', ':', '"', '%'])).then_some((name.trim(), value.trim()))
 }
 

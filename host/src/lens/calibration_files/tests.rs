@@ -193,6 +193,11 @@ fn one_camera_is_found_in_the_files_of_other_programs() {
             .replace("distortion_coefficients", "distCoeffs"),
         // Python's `yaml` and `json`; EuRoC; ORB-SLAM; camodocal; Open3D's columns.
         format!("camera_matrix: {rows}\ndist_coeff: [[{numbers}]]\nimg_size: 640x480\n"),
+        format!(
+            "camera_matrix:\n- - 535.91573\n  - 0\n  - 342.28315\n- [0.0, 536.5, 235.57083]\n- [0, 0, 1]\nimage_size: !!python/tuple\n\
+             - 640\n- 480\nrms: !!python/object/apply:numpy.core.multiarray.scalar\n- &id001 !!python/object/apply:numpy.dtype\n  \
+             args:\n  - f8\n- !!binary |\n  Zmbs8Qz2zz8=\nrvec: *id001\ndist_coefs: [[{numbers}]]\n"
+        ),
         format!("{{\"calibration\": {{\"mtx\": {rows}, \"dist\": [[{numbers}]], \"image_size\": [640.0, 480.0]}}}}"),
         format!(
             "sensor_type: camera\nresolution: [640, 480]\ncamera_model: pinhole\nintrinsics: [535.91573, 536.5, 342.28315, 235.57083]\n\
@@ -208,6 +213,7 @@ fn one_camera_is_found_in_the_files_of_other_programs() {
         ),
         INI.into(),
         INI.replace("\n\nheight\n", " \nheight ").replace('\n', "\r\n"),
+        format!("[cam]\nfx: 535.91573 # px\nfy: 536.5\ncx = 342.28315\ncy = 235.57083\nwidth = 640\nheight = 480\ndist = {numbers}\n"),
         format!("image_width = 640\nimage_height = 480\nD = [{numbers}]\nK = [{matrix}]\n"),
         format!("D = [{numbers}]\nK = [535.91573 0 342.28315; 0 536.5 235.57083; 0 0 1]\nsize = [640, 480]\nmodel = 'C 920'\n"),
     ];
@@ -263,8 +269,10 @@ fn a_camera_toml_is_read_as_it_was_written() {
         CameraModel { size: None, ..camera(LensModel::Rational, &[0.1; 8]) },
         camera(LensModel::ThinPrism, &THIN_PRISM),
     ] {
-        camera.save(&path).unwrap();
-        assert_eq!(CameraModel::read(&path).unwrap(), camera);
+        for path in [&path, &dir.path().join("ros.yaml")] {
+            camera.save(path).unwrap();
+            assert_eq!(CameraModel::read(path).unwrap(), camera);
+        }
     }
     let source = include_str!("mod.rs");
     let (_, rest) = source.split_once("/// ```toml\n").unwrap();
@@ -343,6 +351,12 @@ fn bad_files_are_refused_by_name() {
         refused("calib.txt", two, &["found 2 cameras (", "keep the one"]);
     }
     refused("lens.yaml", &format!("left:\n  K: [1]\nright:\n  K: [1]\n{}", "x: 1\n"), &["found 2 cameras (left, right)"]);
+    refused("orb.yaml", "Camera1.fx: 1\nCamera2.fx: 1\n", &["found 2 cameras (Camera1, Camera2)"]);
+    refused(
+        "mrcal.cameramodel",
+        "{\n 'lensmodel': 'LENSMODEL_SPLINED',\n 'intrinsics': [1, 2, 3, 4, 5],\n 'imagersize': [6, 7]}",
+        &["found \"LENSMODEL_SPLINED\" in lensmodel, expected pinhole"],
+    );
     refused(
         "cameras.txt",
         "# COLMAP\n1 OPENCV 640 480 500 500 320 240 0 0 0 0\n2 x\n",

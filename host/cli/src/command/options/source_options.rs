@@ -77,8 +77,8 @@ impl Source {
     /// The files of a captured folder, and of a lens other than the rig's if there is one.
     pub fn of_rig(directory: &Path, lens: Option<&Path>, bits: &BitsOption) -> Result<Source> {
         // Whoever names the file means its folder.
-        let is_file = directory.file_name().is_some_and(|name| name == Rig::FILE_NAME) && directory.is_file();
-        let directory = if is_file { directory.parent().unwrap_or(directory) } else { directory };
+        let folder = directory.parent().filter(|folder| Rig::file_in(folder).as_deref() == Some(directory));
+        let directory = folder.unwrap_or(directory);
         let path = Rig::file_in(directory).unwrap_or(directory.join(Rig::FILE_NAME));
         if directory.is_dir() && !path.exists() {
             return Err(Error::Format {

@@ -59,7 +59,8 @@ pub struct Fields<'a> {
     pub path: &'a Path,
     /// The name of the mapping, with a point behind it, or nothing for the document.
     prefix: String,
-    pairs: Vec<(&'a str, &'a Yaml<'a>)>,
+    /// Names, [`plain`] and as they are, and values.
+    pairs: Vec<(String, &'a str, &'a Yaml<'a>)>,
 }
 
 impl<'a> Fields<'a> {
@@ -71,7 +72,8 @@ impl<'a> Fields<'a> {
             };
             return Err(Error::format(path, found, "a calibration of ROS, OpenCV or Kalibr"));
         };
-        let pairs = mapping.iter().filter_map(|(name, value)| Some((name.as_str()?, value))).collect();
+        let pair = |(name, value): (&'a Yaml, &'a Yaml<'a>)| name.as_str().map(|name| (plain(name), name, value));
+        let pairs = mapping.iter().filter_map(pair).collect();
         Ok(Fields { path, prefix, pairs })
     }
 
@@ -82,19 +84,23 @@ impl<'a> Fields<'a> {
 
     /// The fields that are mappings themselves.
     pub fn mappings(&self) -> impl Iterator<Item = Fields<'a>> {
-        let of = |(name, node): &(&str, &'a Yaml<'a>)| Fields::of(self.path, format!("{}{name}.", self.prefix), node).ok();
+        let of =
+            |(_, name, node): &(String, &str, &'a Yaml<'a>)| Fields::of(self.path, format!("{}{name}.", self.prefix), node).ok();
         self.pairs.iter().filter_map(of)
     }
 
     /// The names of the fields.
     pub fn names(&self) -> impl Iterator<Item = &'a str> {
-        self.pairs.iter().map(|(name, _)| *name)
+        self.pairs.iter().map(|(_, name, _)| *name)
     }
 
     /// The first of `names` that is a field, as [`plain`] compares them.
     pub fn field(&self, names: &[&str]) -> Option<Field<'a>> {
-        let find = |name: &&str| self.pairs.iter().find(|(other, _)| plain(other) == plain(name));
-        let (name, node) = names.iter().find_map(find)?;
+        let find = |name: &&str| {
+            let name = plain(name);
+            self.pairs.iter().find(|(other, ..)| *other == name)
+        };
+        let (_, name, node) = names.iter().find_map(find)?;
         Some(Field { path: self.path, name: format!("{}{name}", self.prefix), node })
     }
 

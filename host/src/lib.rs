@@ -37,6 +37,7 @@ pub mod alignment;
 #[cfg(feature = "calibration")]
 pub mod calibration;
 pub mod capture;
+mod caught;
 pub mod error;
 pub mod evaluation;
 pub mod files;

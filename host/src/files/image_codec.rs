@@ -1,13 +1,9 @@
 //! Reading and writing the formats of the `image` crate. Truncated and damaged files that the crate would accept are refused.
 
 use std::{
-    any::Any,
     borrow::Cow,
-    cell::Cell,
     io::{self, Cursor},
-    panic::{self, AssertUnwindSafe},
     path::Path,
-    sync::Once,
 };
 
 use image::{
@@ -21,6 +17,7 @@ use image::{
 
 use super::jpeg_scans::codes::{END_OF_IMAGE, is_bare, next_marker, segment};
 use crate::{
+    caught::caught,
     error::{Error, Result},
     files::{Limits, jpeg_scans, output},
 };
@@ -265,45 +262,4 @@ fn jpeg_has_end(bytes: &[u8]) -> bool {
         };
     }
     false
-}
-
-thread_local! {
-    /// True while a panic of this thread becomes an error.
-    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Runs `decode`. If it panics, nothing is printed, and the message is returned.
-fn caught<T>(decode: impl FnOnce() -> T) -> std::result::Result<T, String> {
-    static QUIET: Once = Once::new();
-    QUIET.call_once(|| {
-        let print = panic::take_hook();
-        panic::set_hook(Box::new(move |info| {
-            if !IS_CAUGHT.get() {
-                print(info);
-            }
-        }));
-    });
-    let before = IS_CAUGHT.replace(true);
-    // What `decode` has changed is lost with it.
-    let decoded = panic::catch_unwind(AssertUnwindSafe(decode));
-    IS_CAUGHT.set(before);
-    decoded.map_err(|payload| message(&*payload))
-}
-
-fn message(payload: &(dyn Any + Send)) -> String {
-    let text = payload.downcast_ref::<&str>().copied();
-    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("unknown").to_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_panic_is_its_message() {
-        assert_eq!(caught(|| 7), Ok(7));
-        assert_eq!(caught(|| -> u8 { panic!("a table") }), Err("a table".into()));
-        assert_eq!(caught(|| -> u8 { panic!("entry {}", 3) }), Err("entry 3".into()));
-        assert!(!IS_CAUGHT.get());
-    }
 }

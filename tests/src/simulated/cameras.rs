@@ -172,24 +172,48 @@ fn set(device: &Device, id: u32, value: i64) -> io::Result<()> {
 /// If the frame is too short or compressed.
 pub fn luma(layout: &FrameLayout, frame: &[u8]) -> Vec<u8> {
     let [width, height] = layout.size.map(|side| side as usize);
-    let bytes = match layout.format {
-        PixelFormat::Grey | PixelFormat::Nv12 => 1,
-        PixelFormat::Yuyv | PixelFormat::Y10 | PixelFormat::Y12 | PixelFormat::Y16 => 2,
-        PixelFormat::Rgb3 => 3,
-        PixelFormat::Mjpg => panic!("a compressed frame"),
-    };
+    let bytes = pixel_bytes(layout.format);
     let stride = if layout.stride == 0 { width * bytes } else { layout.stride as usize };
     let pixel = |u: usize, v: usize| {
         let at = |i: usize| u32::from(frame[v * stride + u * bytes + i]);
         let word = || at(0) + 256 * at(1);
+        let grey = |red: usize, green: usize, blue: usize| (77 * at(red) + 150 * at(green) + 29 * at(blue) + 128) / 256;
         let gray = match layout.format {
+            PixelFormat::Uyvy | PixelFormat::Vyuy => at(1),
             PixelFormat::Y10 => word() % 1024 / 4,
             PixelFormat::Y12 => word() % 4096 / 16,
             PixelFormat::Y16 => word() / 256,
-            PixelFormat::Rgb3 => (77 * at(0) + 150 * at(1) + 29 * at(2) + 128) / 256,
+            PixelFormat::Rgb3 => grey(0, 1, 2),
+            PixelFormat::Bgr3 => grey(2, 1, 0),
             _ => at(0),
         };
         u8::try_from(gray).expect("8 bits")
     };
     (0..height).flat_map(|v| (0..width).map(move |u| (u, v))).map(|(u, v)| pixel(u, v)).collect()
+}
+
+/// Bytes of a pixel in the first plane of a frame.
+///
+/// # Panics
+/// If frames of this format are compressed.
+pub fn pixel_bytes(format: PixelFormat) -> usize {
+    match format {
+        PixelFormat::Grey | PixelFormat::Nv12 | PixelFormat::Nv21 | PixelFormat::Yu12 | PixelFormat::Yv12 => 1,
+        PixelFormat::Yuyv | PixelFormat::Yvyu | PixelFormat::Uyvy | PixelFormat::Vyuy => 2,
+        PixelFormat::Y10 | PixelFormat::Y12 | PixelFormat::Y16 => 2,
+        PixelFormat::Rgb3 | PixelFormat::Bgr3 => 3,
+        PixelFormat::Mjpg | PixelFormat::Jpeg => panic!("a compressed frame"),
+    }
+}
+
+/// Bytes of a frame whose rows are not padded and whose sides are even. Four pixels share two bytes of chroma in planes.
+///
+/// # Panics
+/// If frames of this format are compressed.
+pub fn frame_bytes(format: PixelFormat, [width, height]: [usize; 2]) -> usize {
+    let chroma = match format {
+        PixelFormat::Nv12 | PixelFormat::Nv21 | PixelFormat::Yu12 | PixelFormat::Yv12 => width * height / 2,
+        _ => 0,
+    };
+    width * height * pixel_bytes(format) + chroma
 }

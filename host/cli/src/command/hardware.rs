@@ -1,9 +1,10 @@
 //! The camera and the stage that a command line names, opened, and `multiscopic devices`: the cameras of this machine.
 
 use std::{
+    mem,
     process::ExitCode,
     sync::{
-        Arc,
+        Arc, OnceLock,
         atomic::{AtomicBool, AtomicUsize},
     },
     time::Duration,
@@ -52,12 +53,16 @@ pub struct Hardware {
     pub policy: Policy,
     /// Counts the interrupts of the user, who presses Ctrl-C.
     pub interrupts: Arc<AtomicUsize>,
+    /// The note on what the camera does not lock, once it has taken a picture.
+    unlocked: Arc<OnceLock<String>>,
+    /// True once the user has read the note.
+    is_warned: bool,
 }
 
 /// A camera of any kind.
 pub enum AnyCamera {
-    /// A real one.
-    V4l2(Box<V4l2Camera>),
+    /// A real one, and where its note goes.
+    V4l2(Box<V4l2Camera>, Arc<OnceLock<String>>),
     /// One without hardware.
     Simulated(Box<SimulatedCamera>),
 }
@@ -71,6 +76,8 @@ impl Hardware {
         let (limits, settings) = (options.limits.limits()?, options.settings.settings());
         let frame_timeout = options.settings.frame_timeout()?;
         let policy = options.sequence.policy(&options.stage, frame_timeout + CAMERA_FIRST)?;
+        let unlocked = Arc::new(OnceLock::new());
+        let note = unlocked.clone();
         let hardware = |camera, camera_name, size, simulated, stage| Hardware {
             camera,
             camera_name,
@@ -81,6 +88,8 @@ impl Hardware {
             limits,
             policy,
             interrupts,
+            unlocked,
+            is_warned: false,
         };
         match &options.camera {
             CameraSpec::Simulated(file) => {
@@ -104,10 +113,10 @@ impl Hardware {
             CameraSpec::Device(path) => {
                 let open = {
                     let path = path.clone();
-                    move || Ok(AnyCamera::V4l2(Box::new(V4l2Camera::open(&path, &settings)?)))
+                    move || Ok(AnyCamera::V4l2(Box::new(V4l2Camera::open(&path, &settings)?), note.clone()))
                 };
                 let (name, size) = match open()? {
-                    AnyCamera::V4l2(camera) => (camera.to_string(), camera.size()),
+                    AnyCamera::V4l2(camera, _) => (camera.to_string(), camera.size()),
                     AnyCamera::Simulated(camera) => (camera.to_string(), camera.size()),
                 };
                 let stage = stage::open(&options.stage, &limits)?;
@@ -115,6 +124,25 @@ impl Hardware {
             }
         }
     }
+
+    /// Returns the note on what the camera does not lock, if there is something, and warns of it the first time.
+    pub fn warn_of_unlocked(&mut self) -> Option<&str> {
+        let note = self.unlocked.get()?;
+        if !mem::replace(&mut self.is_warned, true) {
+            terminal::warn(note);
+        }
+        Some(note)
+    }
+}
+
+/// The note on what a camera does not lock though it should. `None` if there is nothing.
+pub fn unlocked_note(camera: &V4l2Camera) -> Option<String> {
+    let (last, others) = camera.unlocked().split_last()?;
+    let names = if others.is_empty() { (*last).into() } else { format!("{} and {last}", others.join(", ")) };
+    Some(format!(
+        "the camera does not let its {names} be locked, so pictures may differ in brightness or sharpness: keep the light constant; \
+         `match --align` evens out brightness"
+    ))
 }
 
 impl BlockingCamera for AnyCamera {
@@ -122,7 +150,13 @@ impl BlockingCamera for AnyCamera {
 
     fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage> {
         match self {
-            AnyCamera::V4l2(camera) => Ok(camera.take(timeout, is_cancelled)?),
+            AnyCamera::V4l2(camera, note) => {
+                let picture = camera.take(timeout, is_cancelled)?;
+                if let Some(unlocked) = unlocked_note(camera) {
+                    let _ = note.set(unlocked);
+                }
+                Ok(picture)
+            }
             AnyCamera::Simulated(camera) => camera.take(timeout, is_cancelled).map_err(|never| match never {}),
         }
     }

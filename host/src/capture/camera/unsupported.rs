@@ -37,6 +37,11 @@ impl V4l2Camera {
     pub fn size(&self) -> [u32; 2] {
         match self.0 {}
     }
+
+    /// The quantities that the camera does not let be locked.
+    pub fn unlocked(&self) -> &[&'static str] {
+        match self.0 {}
+    }
 }
 
 impl BlockingCamera for V4l2Camera {

@@ -2,7 +2,7 @@
 
 use std::{
     convert::Infallible,
-    fs,
+    fs, mem,
     path::Path,
     sync::atomic::{AtomicBool, Ordering},
     time::Duration,
@@ -20,6 +20,7 @@ use rayon::prelude::*;
 
 use crate::command::{
     advice,
+    hardware::unlocked_note,
     options::{CameraSpec, SettingsOptions},
     terminal::{self, signals},
 };
@@ -63,7 +64,14 @@ impl CameraSession<'_> {
             CameraSpec::Device(path) => {
                 let mut camera = V4l2Camera::open(path, &settings.settings())?;
                 let size = camera.size().map(|side| side as usize);
-                self.take(size, true, |cancelled| Ok(camera.take(timeout, cancelled)?))
+                let mut is_warned = false;
+                self.take(size, true, |cancelled| {
+                    let picture = camera.take(timeout, cancelled)?;
+                    if let Some(note) = unlocked_note(&camera).filter(|_| !mem::replace(&mut is_warned, true)) {
+                        terminal::warn(&note);
+                    }
+                    Ok(picture)
+                })
             }
             CameraSpec::Simulated(file) => {
                 let lens = match file {

@@ -137,6 +137,7 @@ impl MountCommand {
         let Hardware { stage, camera, policy, interrupts, .. } = &mut hardware;
         let taken = acquire_images(stage, camera, &plan, *policy, interrupts, |_, _| ());
         bar.finish_and_clear();
+        hardware.warn_of_unlocked();
         let mut taken = taken?;
         let failure = taken.failure.take();
         let frames = taken.frames();

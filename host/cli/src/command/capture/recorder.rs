@@ -225,6 +225,9 @@ fn acquire(
         bar.set_message(step);
     });
     bar.finish_and_clear();
+    if let Some(note) = hardware.warn_of_unlocked() {
+        log.note(note);
+    }
     images
 }
 

@@ -2,20 +2,14 @@
 
 use std::{
     fmt, io,
-    panic::{self, AssertUnwindSafe},
     path::{Path, PathBuf},
     time::Duration,
 };
 
-use v4l::{Capabilities, Device, capability};
+use v4l::{Device, capability::Flags};
 
+use super::ioctl::{self, Capabilities};
 use crate::capture::camera::PixelFormat;
-
-/// Turns a panic of crate `v4l` into an error. It panics at answers that it does not know, such as names that
-/// are not UTF-8 or the colour spaces of newer kernels.
-pub(super) fn catch_panic<T>(call: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
-    panic::catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|_| Err(io::Error::other("the driver's answer is not understood")))
-}
 
 /// Opens the device at `path` and queries its capabilities.
 pub(super) fn open(path: &Path) -> Result<(Device, Capabilities), CameraFault> {
@@ -25,7 +19,7 @@ pub(super) fn open(path: &Path) -> Result<(Device, Capabilities), CameraFault> {
         _ if is_gone(&error) => CameraFault::Disconnected,
         _ => CameraFault::System { action: "open it", source: error },
     })?;
-    let capabilities = catch_panic(|| device.query_caps()).map_err(|error| match error.raw_os_error() {
+    let capabilities = ioctl::capabilities(&device).map_err(|error| match error.raw_os_error() {
         // Files that are not V4L2 devices do not know the ioctl.
         Some(libc::ENOTTY) => CameraFault::NotACamera { found: "no V4L2 device".into() },
         _ => CameraFault::during("query its capabilities")(error),
@@ -35,8 +29,7 @@ pub(super) fn open(path: &Path) -> Result<(Device, Capabilities), CameraFault> {
 
 /// Fails unless the device is a camera that can be used here.
 pub(super) fn check(capabilities: &Capabilities) -> Result<(), CameraFault> {
-    use capability::Flags;
-    let has = |flags: Flags| capabilities.capabilities.contains(flags);
+    let has = |flags: Flags| capabilities.flags.contains(flags);
     if has(Flags::VIDEO_CAPTURE | Flags::STREAMING) {
         return Ok(());
     }
@@ -153,19 +146,13 @@ pub enum CameraFault {
         /// The expected layout.
         layout: FrameLayout,
     },
-    /// The device does not have a control that should be set.
-    #[error("found no control for {control}; do not set it")]
-    NoControl {
-        /// The setting.
-        control: &'static str,
-    },
-    /// The device did not accept the value of a control.
-    #[error("{control} cannot be set to {value}: found {found}; choose a value that the camera has, or do not lock it")]
+    /// The device has no such control, no manual mode of it, or not the value.
+    #[error("{control} cannot be set to {value}: found {found}; give a value that the camera has, or leave it to the camera")]
     Control {
         /// The setting.
         control: &'static str,
         /// The requested value.
-        value: String,
+        value: i32,
         /// The value that it has instead, or the error of the system.
         found: String,
     },
@@ -211,26 +198,20 @@ impl FrameLayout {
     /// The fewest bytes that a frame can have: its last row need not be padded.
     pub(super) fn bytes(&self) -> u64 {
         let [width, height] = self.size.map(u64::from);
-        let stride = self.stride() as u64;
+        let (stride, planes) = (self.stride() as u64, self.format.encoding().chroma_planes);
         // A driver may claim any size. No buffer has as many bytes as the greatest number.
-        let luma = height.saturating_sub(1).saturating_mul(stride);
-        match self.format {
-            // One row of chroma for every two of luma.
-            PixelFormat::Nv12 => {
-                let chroma = height.div_ceil(2).saturating_mul(stride);
-                luma.saturating_add(chroma).saturating_add(2 * width.div_ceil(2))
-            }
-            _ => luma.saturating_add(self.row_bytes() as u64),
+        let plane = |rows: u64, stride: u64, row: u64| rows.saturating_sub(1).saturating_mul(stride).saturating_add(row);
+        if planes == 0 {
+            return plane(height, stride, self.row_bytes() as u64);
         }
+        let chroma_row = 2 * width.div_ceil(2) / planes;
+        let chroma_stride = chroma_row.max(stride / planes);
+        plane(planes * height.div_ceil(2), chroma_stride, chroma_row).saturating_add(height.saturating_mul(stride))
     }
 
     /// Bytes per pixel.
     pub(super) fn pixel_bytes(&self) -> usize {
-        match self.format {
-            PixelFormat::Grey | PixelFormat::Nv12 | PixelFormat::Mjpg => 1,
-            PixelFormat::Yuyv | PixelFormat::Y10 | PixelFormat::Y12 | PixelFormat::Y16 => 2,
-            PixelFormat::Rgb3 => 3,
-        }
+        self.format.encoding().pixel_bytes
     }
 
     /// Bytes of a row, without padding.

@@ -1,10 +1,10 @@
 //! Freezing a camera's automatic controls for a sequence of pictures.
 
-use std::{io, mem, sync::Arc};
+use std::{mem, sync::Arc};
 
-use v4l::{Control, Device, control::Value};
+use v4l::Device;
 
-use super::driver::{self, CameraFault};
+use super::{driver::CameraFault, ioctl};
 use crate::capture::camera::CameraSettings;
 
 /// Control numbers of linux/v4l2-controls.h. The bindings generated in `v4l2-sys` have only what crate `v4l`
@@ -26,8 +26,9 @@ mod cid {
     pub const ANALOGUE_GAIN: u32 = IMAGE_SOURCE_BASE + 3;
 }
 
-/// `V4L2_EXPOSURE_MANUAL`, a value of `EXPOSURE_AUTO`.
-const EXPOSURE_MANUAL: i64 = 1;
+/// Values of `EXPOSURE_AUTO`: with the first, the exposure time and the iris are fixed, with the second the time alone.
+const EXPOSURE_MANUAL: i32 = 1;
+const EXPOSURE_SHUTTER_PRIORITY: i32 = 2;
 
 /// A quantity that a camera can regulate by itself.
 struct AutomaticControl {
@@ -35,8 +36,8 @@ struct AutomaticControl {
     name: &'static str,
     /// The control that switches between automatic and manual.
     mode: u32,
-    /// The value of `mode` for manual.
-    manual: fn() -> Value,
+    /// The values of `mode` for manual, the best first.
+    manual: &'static [i32],
     /// The controls that hold the value. A device has at most one of them.
     values: &'static [u32],
     /// The value that the settings request.
@@ -47,7 +48,7 @@ const AUTOMATIC_CONTROLS: [AutomaticControl; 4] = [
     AutomaticControl {
         name: "exposure",
         mode: cid::EXPOSURE_AUTO,
-        manual: || Value::Integer(EXPOSURE_MANUAL),
+        manual: &[EXPOSURE_MANUAL, EXPOSURE_SHUTTER_PRIORITY],
         // The first is in units of 100 µs; old drivers have the second, in units of their own.
         values: &[cid::EXPOSURE_ABSOLUTE, cid::EXPOSURE],
         requested: |settings| settings.exposure,
@@ -55,21 +56,21 @@ const AUTOMATIC_CONTROLS: [AutomaticControl; 4] = [
     AutomaticControl {
         name: "gain",
         mode: cid::AUTOGAIN,
-        manual: || Value::Boolean(false),
+        manual: &[0],
         values: &[cid::GAIN, cid::ANALOGUE_GAIN],
         requested: |settings| settings.gain,
     },
     AutomaticControl {
         name: "focus",
         mode: cid::FOCUS_AUTO,
-        manual: || Value::Boolean(false),
+        manual: &[0],
         values: &[cid::FOCUS_ABSOLUTE],
         requested: |settings| settings.focus,
     },
     AutomaticControl {
         name: "white balance",
         mode: cid::AUTO_WHITE_BALANCE,
-        manual: || Value::Boolean(false),
+        manual: &[0],
         values: &[cid::WHITE_BALANCE_TEMPERATURE],
         requested: |settings| settings.white_balance,
     },
@@ -78,18 +79,24 @@ const AUTOMATIC_CONTROLS: [AutomaticControl; 4] = [
 /// The controls that were changed. Dropping it restores them.
 pub(super) struct LockedControls {
     device: Arc<Device>,
-    /// Their previous values, in the order of the changes.
-    previous: Vec<Control>,
+    /// Their numbers and previous values, in the order of the changes.
+    previous: Vec<(u32, i32)>,
+    unlocked: Vec<&'static str>,
 }
 
 impl LockedControls {
-    /// Sets the values that `settings` request, and freezes the other automatic controls if they ask for it.
+    /// Sets the values that `settings` request. If they ask for it, it also freezes the other automatic controls that can be.
     pub(super) fn lock(device: &Arc<Device>, settings: &CameraSettings) -> Result<LockedControls, CameraFault> {
-        let mut locked = LockedControls { device: device.clone(), previous: Vec::new() };
+        let mut locked = LockedControls { device: device.clone(), previous: Vec::new(), unlocked: Vec::new() };
         for control in &AUTOMATIC_CONTROLS {
-            let requested = (control.requested)(settings);
-            if settings.lock || requested.is_some() {
-                locked.freeze(control, requested)?;
+            let name = control.name;
+            match (control.requested)(settings) {
+                Some(value) => {
+                    let frozen = locked.freeze(control, Some(value));
+                    frozen.map_err(|found| CameraFault::Control { control: name, value, found })?;
+                }
+                None if settings.lock && locked.freeze(control, None).is_err() => locked.unlocked.push(name),
+                None => {}
             }
         }
         Ok(locked)
@@ -100,70 +107,69 @@ impl LockedControls {
         self.previous.is_empty()
     }
 
-    /// Switches a control to manual, at the requested value or at its present one.
-    fn freeze(&mut self, control: &AutomaticControl, requested: Option<i32>) -> Result<(), CameraFault> {
-        let automatic = self.get(control.mode).ok().filter(|mode| mode.value != (control.manual)());
-        let value = control.values.iter().find_map(|&id| self.get(id).ok());
+    /// The quantities that should be frozen, but that the camera goes on regulating.
+    pub(super) fn unlocked(&self) -> &[&'static str] {
+        &self.unlocked
+    }
+
+    /// Switches a control to manual, at the requested value or at its present one. The error is what was found instead.
+    fn freeze(&mut self, control: &AutomaticControl, requested: Option<i32>) -> Result<(), String> {
+        let automatic = self.get(control.mode)?.filter(|mode| !control.manual.contains(mode));
+        let current = control.values.iter().find_map(|&id| Some((id, self.get(id).ok()??)));
         if let Some(mode) = automatic {
-            self.change(control, mode, (control.manual)())?;
+            self.make_manual(control, mode).map_err(|found| format!("no manual mode ({found})"))?;
             // Some cameras jump to another value when they switch to manual. Those that cannot be set stay
             // where they are.
-            if let (Some(value), None) = (&value, requested) {
-                let _ = self.set(Control { id: value.id, value: copy(&value.value) });
+            if let (Some((id, value)), None) = (current, requested) {
+                let _ = ioctl::set_control(&self.device, id, value);
             }
         }
-        match (value, requested) {
-            (Some(value), Some(requested)) => self.change(control, value, Value::Integer(requested.into())),
-            (None, Some(_)) => Err(CameraFault::NoControl { control: control.name }),
+        match (current, requested) {
+            (Some((id, value)), Some(requested)) => self.change(id, value, requested),
+            (None, Some(_)) => Err("no such control".into()),
             (_, None) => Ok(()),
         }
     }
 
-    /// Sets a control that is now at `current`, and checks the result.
-    fn change(&mut self, control: &AutomaticControl, current: Control, value: Value) -> Result<(), CameraFault> {
-        let id = current.id;
-        self.previous.push(current);
-        let refused = |found: String| CameraFault::Control { control: control.name, value: text(&value), found };
-        self.set(Control { id, value: copy(&value) }).map_err(|error| refused(error.to_string()))?;
+    /// Switches a control from the automatic `mode` to the first of its manual ones that the device has.
+    fn make_manual(&mut self, control: &AutomaticControl, mode: i32) -> Result<(), String> {
+        let mut switched = Ok(());
+        for &manual in control.manual {
+            switched = self.change(control.mode, mode, manual);
+            if switched.is_ok() {
+                break;
+            }
+        }
+        switched
+    }
+
+    /// Sets a control that is now at `current`, and checks the result. The error is what was found instead.
+    fn change(&mut self, id: u32, current: i32, value: i32) -> Result<(), String> {
+        ioctl::set_control(&self.device, id, value).map_err(|error| error.to_string())?;
+        self.previous.push((id, current));
         match self.get(id) {
             // Drivers silently choose the nearest value that they have.
-            Ok(found) if found.value != value => Err(refused(text(&found.value))),
+            Ok(Some(found)) if found != value => Err(found.to_string()),
             _ => Ok(()),
         }
     }
 
-    fn get(&self, id: u32) -> io::Result<Control> {
-        driver::catch_panic(|| self.device.control(id))
-    }
-
-    fn set(&self, control: Control) -> io::Result<()> {
-        driver::catch_panic(|| self.device.set_control(control))
+    /// The value of a control. `None` if the device does not have it.
+    fn get(&self, id: u32) -> Result<Option<i32>, String> {
+        match ioctl::control(&self.device, id) {
+            Ok(value) => Ok(Some(value)),
+            Err(error) if matches!(error.raw_os_error(), Some(libc::EINVAL | libc::ENOTTY)) => Ok(None),
+            Err(error) => Err(error.to_string()),
+        }
     }
 }
 
 impl Drop for LockedControls {
     fn drop(&mut self) {
         // In reverse: a value can only be set while its control is manual.
-        for control in mem::take(&mut self.previous).into_iter().rev() {
+        for (id, value) in mem::take(&mut self.previous).into_iter().rev() {
             // This fails if the camera is gone, and then there is nothing to restore.
-            let _ = self.set(control);
+            let _ = ioctl::set_control(&self.device, id, value);
         }
-    }
-}
-
-/// Copies a value, which is not `Clone`. The controls above are integers and booleans.
-fn copy(value: &Value) -> Value {
-    match value {
-        Value::Integer(number) => Value::Integer(*number),
-        Value::Boolean(is_on) => Value::Boolean(*is_on),
-        _ => Value::None,
-    }
-}
-
-fn text(value: &Value) -> String {
-    match value {
-        Value::Integer(number) => number.to_string(),
-        Value::Boolean(is_on) => if *is_on { "on" } else { "off" }.into(),
-        other => format!("{other:?}"),
     }
 }

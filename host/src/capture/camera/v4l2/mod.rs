@@ -1,6 +1,7 @@
 //! Cameras of Linux, through Video4Linux 2: opening them, and listing those of this machine.
 
 mod driver;
+mod ioctl;
 mod locked_controls;
 mod stream;
 
@@ -12,16 +13,12 @@ use std::{
 };
 
 use image::GrayImage;
-use v4l::{
-    Device, Format, FourCC,
-    format::{Description, FieldOrder},
-    framesize::FrameSizeEnum,
-    video::Capture,
-};
+use v4l::{Device, FourCC, framesize::FrameSizeEnum, video::Capture};
 
 use super::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat};
-use crate::{capture::acquisition::BlockingCamera, error::Error, files::input};
+use crate::{capture::acquisition::BlockingCamera, caught::caught, error::Error, files::input};
 
+use ioctl::Format;
 use locked_controls::LockedControls;
 use stream::{FrameMean, Stream, Wait, WaitError};
 
@@ -94,6 +91,13 @@ impl V4l2Camera {
     /// Width and height of its frames in pixels.
     pub fn size(&self) -> [u32; 2] {
         self.layout.size
+    }
+
+    /// The quantities that [`CameraSettings::lock`] should freeze, but that the camera goes on regulating, such as "exposure".
+    /// They are known once the first picture was taken.
+    pub fn unlocked(&self) -> &[&'static str] {
+        let controls = self.connection.as_ref().and_then(|connection| connection.controls.as_ref());
+        controls.map_or(&[], LockedControls::unlocked)
     }
 }
 
@@ -202,12 +206,17 @@ impl Connection {
 
 /// The first of [`PixelFormat::ALL`] that the device has.
 fn preferred_format(device: &Device) -> Result<PixelFormat, CameraFault> {
-    let formats = driver::catch_panic(|| Capture::enum_formats(device)).map_err(CameraFault::during("list its formats"))?;
-    let has = |format: &PixelFormat| formats.iter().any(|offered: &Description| offered.fourcc.repr == format.fourcc());
+    let formats = ioctl::formats(device);
+    let has = |format: &PixelFormat| formats.iter().any(|(fourcc, _)| *fourcc == format.fourcc());
     PixelFormat::ALL.into_iter().find(has).ok_or_else(|| {
-        let names: Vec<String> = formats.iter().map(|format| format.fourcc.to_string()).collect();
+        let names: Vec<String> = formats.iter().map(|(fourcc, _)| code(*fourcc)).collect();
         CameraFault::NoFormat { offered: if names.is_empty() { "none".into() } else { names.join(", ") } }
     })
+}
+
+/// A four-character code without padding.
+fn code(fourcc: [u8; 4]) -> String {
+    String::from_utf8_lossy(&fourcc).trim_end().into()
 }
 
 /// Sets the device to `format` and `size`, or to its current size. Fails where a driver would silently use
@@ -215,10 +224,7 @@ fn preferred_format(device: &Device) -> Result<PixelFormat, CameraFault> {
 fn set_format(device: &Device, format: PixelFormat, size: Option<[u32; 2]>) -> Result<FrameLayout, CameraFault> {
     let size = match size {
         Some(size) => size,
-        None => {
-            let current = driver::catch_panic(|| Capture::format(device)).map_err(CameraFault::during("query its format"))?;
-            [current.width, current.height]
-        }
+        None => ioctl::format(device).map_err(CameraFault::during("query its format"))?.size,
     };
     let requested = FrameLayout { format, size, stride: 0 };
     let expected = format!("{requested}, not interlaced");
@@ -226,12 +232,11 @@ fn set_format(device: &Device, format: PixelFormat, size: Option<[u32; 2]>) -> R
         let found = format!("a size of {}x{}", size[0], size[1]);
         return Err(CameraFault::Format { found, expected: format!("1 to {} pixels on each side", input::MAX_SIDE) });
     }
-    let request = Format { field_order: FieldOrder::Progressive, ..Format::new(size[0], size[1], FourCC::new(&format.fourcc())) };
-    let actual = driver::catch_panic(|| Capture::set_format(device, &request)).map_err(CameraFault::during("set its format"))?;
-    let is_progressive = matches!(actual.field_order, FieldOrder::Progressive | FieldOrder::Any);
-    if actual.fourcc.repr != format.fourcc() || [actual.width, actual.height] != size || !is_progressive {
-        let fields = if is_progressive { "" } else { ", interlaced" };
-        let found = format!("{}x{} {}{fields}", actual.width, actual.height, actual.fourcc.to_string().trim_end());
+    let wanted = Format { size, fourcc: format.fourcc(), stride: 0, is_interlaced: false };
+    let actual = ioctl::set_format(device, &wanted).map_err(CameraFault::during("set its format"))?;
+    if (actual.size, actual.fourcc, actual.is_interlaced) != (wanted.size, wanted.fourcc, wanted.is_interlaced) {
+        let fields = if actual.is_interlaced { ", interlaced" } else { "" };
+        let found = format!("{}x{} {}{fields}", actual.size[0], actual.size[1], code(actual.fourcc));
         return Err(CameraFault::Format { found, expected });
     }
     Ok(FrameLayout { stride: actual.stride, ..requested })
@@ -275,39 +280,33 @@ impl CameraInfo {
             Err(CameraFault::NotACamera { .. }) => return None,
             Err(fault) => Some(fault),
         };
-        let formats = match problem {
-            Some(_) => Ok(Vec::new()),
-            None => driver::catch_panic(|| Capture::enum_formats(&device)).map_err(CameraFault::during("list its formats")),
-        };
-        let (formats, problem) = match formats {
-            Ok(formats) => (formats, problem),
-            Err(fault) => (Vec::new(), Some(fault)),
-        };
+        let formats = if problem.is_none() { ioctl::formats(&device) } else { Vec::new() };
         Some(CameraInfo {
             device: path.into(),
             card: capabilities.card,
             driver: capabilities.driver,
             bus: capabilities.bus,
             problem: problem.map(|fault| fault.to_string()),
-            formats: formats.into_iter().map(|format| FormatInfo::of(&device, format)).collect(),
+            formats: formats.into_iter().map(|(fourcc, description)| FormatInfo::of(&device, fourcc, description)).collect(),
         })
     }
 }
 
 impl FormatInfo {
-    fn of(device: &Device, Description { fourcc, description, .. }: Description) -> FormatInfo {
+    fn of(device: &Device, fourcc: [u8; 4], description: String) -> FormatInfo {
         FormatInfo {
-            format: String::from_utf8_lossy(&fourcc.repr).trim_end().into(),
+            format: code(fourcc),
             description,
-            is_supported: PixelFormat::of_fourcc(fourcc.repr).is_some(),
+            is_supported: PixelFormat::of_fourcc(fourcc).is_some(),
             sizes: frame_sizes(device, fourcc),
         }
     }
 }
 
 /// The frame sizes of a format. Empty if the driver does not tell.
-fn frame_sizes(device: &Device, fourcc: FourCC) -> Vec<FrameSizes> {
-    let sizes = driver::catch_panic(|| Capture::enum_framesizes(device, fourcc)).unwrap_or_default();
+fn frame_sizes(device: &Device, fourcc: [u8; 4]) -> Vec<FrameSizes> {
+    let sizes = caught(|| Capture::enum_framesizes(device, FourCC::new(&fourcc)));
+    let sizes = sizes.ok().and_then(Result::ok).unwrap_or_default();
     let sizes = sizes.into_iter().map(|size| match size.size {
         FrameSizeEnum::Discrete(size) => FrameSizes::One([size.width, size.height]),
         FrameSizeEnum::Stepwise(range) => FrameSizes::Range {

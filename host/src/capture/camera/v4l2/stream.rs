@@ -20,7 +20,8 @@ use v4l::{
 
 use super::driver::{self, CameraFault, FrameLayout};
 use crate::{
-    capture::camera::PixelFormat,
+    capture::camera::pixel_format::GraySample,
+    caught::caught,
     error::Error,
     images::{Picture, gray_of},
 };
@@ -160,10 +161,7 @@ impl Drop for Stream {
         let has_stopped = (0..2).any(|_| inner.stop().map_or_else(|error| driver::is_gone(&error), |()| true));
         if has_stopped {
             // A panic here means that the device is gone. The program goes on.
-            let _ = driver::catch_panic(|| {
-                drop(inner);
-                Ok(())
-            });
+            let _ = caught(|| drop(inner));
         } else {
             mem::forget(inner);
         }
@@ -177,15 +175,11 @@ impl FrameLayout {
     /// [`CameraFault::Truncated`] if there are too few bytes, [`CameraFault::Jpeg`] if they are not a JPEG
     /// image of this size.
     pub fn to_gray(&self, frame: &[u8]) -> Result<GrayImage, CameraFault> {
-        let word = |shift: u32| move |word: &[u8]| (u16::from_le_bytes([word[0], word[1]]) >> shift) as u8;
-        match self.format {
-            // YUYV has luma in the first of a pixel's two bytes.
-            PixelFormat::Grey | PixelFormat::Nv12 | PixelFormat::Yuyv => self.convert(frame, |pixel: &[u8]| pixel[0]),
-            PixelFormat::Y10 => self.convert(frame, word(2)),
-            PixelFormat::Y12 => self.convert(frame, word(4)),
-            PixelFormat::Y16 => self.convert(frame, word(8)),
-            PixelFormat::Rgb3 => self.convert(frame, |pixel: &[u8]| gray_of([pixel[0], pixel[1], pixel[2]])),
-            PixelFormat::Mjpg => self.decode(frame),
+        match self.format.encoding().gray {
+            GraySample::Byte(i) => self.convert(frame, |pixel| pixel[i]),
+            GraySample::Word(shift) => self.convert(frame, |word| (u16::from_le_bytes([word[0], word[1]]) >> shift) as u8),
+            GraySample::Color(rgb) => self.convert(frame, |pixel| gray_of(rgb.map(|i| pixel[i]))),
+            GraySample::Jpeg => self.decode(frame),
         }
     }
 

@@ -135,7 +135,7 @@ impl<W: Write> RosStream<W> {
     fn write(&mut self, topic: &str, definition: &Definition, time: u64, message: &[u8]) -> mcap::McapResult<()> {
         // A schema or channel that is there already is not written again.
         let schema = self.writer.add_schema(&definition.full_name(), "ros2msg", definition.text().as_bytes())?;
-        let channel_id = self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
+        let channel_id = self.writer.add_channel(schema, topic, "cdr", &channel_metadata())?;
         let header = MessageHeader { channel_id, sequence: self.sent, log_time: time, publish_time: time };
         self.writer.write_to_known_channel(&header, message)
     }
@@ -147,6 +147,12 @@ impl<W: Write> RosStream<W> {
     pub fn finish(mut self) -> io::Result<()> {
         self.writer.finish().map(drop).map_err(io::Error::other)
     }
+}
+
+/// What the profile `ros2` requires of channels: the qualities of service that publishers offered, as a list in YAML. There was no
+/// publisher, and `ros2 bag` takes its own.
+fn channel_metadata() -> BTreeMap<String, String> {
+    [("offered_qos_profiles".into(), "[]".into())].into()
 }
 
 /// Rerun's program.

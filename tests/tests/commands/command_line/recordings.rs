@@ -108,6 +108,8 @@ fn every_field_and_pixel_is_that_of_the_other_files() {
         let message = message.expect("a message");
         let schema = message.channel.schema.clone().expect("a definition");
         assert_eq!((&*message.channel.message_encoding, &*schema.encoding), ("cdr", "ros2msg"));
+        // The profile `ros2` of the specification requires it.
+        assert_eq!(message.channel.metadata.get("offered_qos_profiles").map(String::as_str), Some("[]"));
         let seconds = Fields::new(&message.data).header();
         assert_eq!(u64::from(seconds), message.log_time / 1_000_000_000);
         messages.insert(message.channel.topic.clone(), (schema.name.clone(), message.data.into_owned()));

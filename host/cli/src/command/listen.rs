@@ -2,7 +2,6 @@
 
 use std::{
     fmt::{self, Display},
-    fs::File,
     io::{self, BufRead, BufReader},
     path::{Path, PathBuf},
     process::ExitCode,
@@ -17,6 +16,8 @@ use multiscopic::{
 };
 use serde::Serialize;
 
+#[cfg(unix)]
+use super::raw_port;
 use super::{
     limits,
     options::{MapFiles, output_file},
@@ -25,9 +26,10 @@ use super::{
 
 /// Receives a disparity map from the firmware, and reports the packets that are lost or damaged
 ///
-/// Reads packets up to the end of the frame. A serial port is read like a file; configure it first, for example with
+/// Reads packets up to the end of the frame, or of the next if it begins in the middle of one. A serial port is set raw meanwhile,
+/// and keeps its speed, which other programs set:
 ///
-///     stty -F /dev/ttyACM0 raw 115200
+///     stty -F /dev/ttyACM0 115200
 ///
 /// Exit codes: 0 if everything arrived; 1 if packets are lost or damaged (their pixels are invalid, the rest
 /// is written); 2 if the input cannot be read or contains no packets, or none of the confidences that are asked for.
@@ -80,9 +82,14 @@ impl Listen {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let (path, source): (&Path, Box<dyn BufRead>) = if self.source == Path::new(STANDARD_INPUT) {
+            #[cfg(unix)]
+            raw_port::check_standard_input()?;
             (Path::new("standard input"), Box::new(io::stdin().lock()))
         } else {
-            let file = File::open(&self.source).map_err(|source| Error::Read { path: self.source.clone(), source })?;
+            #[cfg(unix)]
+            let file = raw_port::RawPort::open(&self.source)?;
+            #[cfg(not(unix))]
+            let file = std::fs::File::open(&self.source).map_err(|source| Error::Read { path: self.source.clone(), source })?;
             (&self.source, Box::new(BufReader::new(file)))
         };
         let outputs: Vec<&Path> = self.maps.paths().chain(self.confidence.as_deref()).collect();
@@ -99,6 +106,9 @@ impl Listen {
                 bar.set_length(of as u64);
                 bar.set_position(pixels as u64);
             }
+            Notice::Late => bar.suspend(|| {
+                terminal::say(&format!("{}: it began in the middle of a frame, the next one is waited for", path.display()));
+            }),
             Notice::Flaw(flaw) => {
                 is_whole &= !flaw.is_harmful();
                 flaws += 1;

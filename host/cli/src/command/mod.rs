@@ -19,6 +19,8 @@ pub mod r#match;
 pub mod merge;
 mod options;
 mod preparation;
+#[cfg(unix)]
+mod raw_port;
 pub mod rig;
 pub mod scene;
 pub mod simulate;

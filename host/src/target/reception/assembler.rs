@@ -18,18 +18,19 @@ pub(super) enum Piece {
     /// A line of disparities.
     Line,
     /// The end of the frame.
-    End {
-        /// Greatest depth of the sender's stack in bytes, if it measures it.
-        stack: Option<u32>,
-    },
+    End,
     /// The beginning of the next frame.
     NextFrame,
 }
 
 /// Assembles a frame, and reports what happens to `notify`.
+///
+/// A reception may begin in the middle of a frame. That frame is set aside, and taken if no better one follows.
 pub(super) struct Assembler<'p, N> {
     receiver: Receiver,
     frame: Option<PartialFrame>,
+    /// The frame that was set aside.
+    late: Option<PartialFrame>,
     /// The reasons why the pieces since the last packet were not packets of disparities.
     noise: Vec<PacketError>,
     /// The name of the stream in messages.
@@ -44,7 +45,12 @@ struct PartialFrame {
     size: [usize; 2],
     lines: Vec<PartialLine>,
     received: usize,
+    /// The sequence number of the first packet that arrived.
+    first_sequence: u32,
     last_packet: Option<PacketId>,
+    stack: Option<u32>,
+    /// Flaws that are reported if the frame is taken.
+    flaws: Vec<Flaw>,
 }
 
 /// The part of a line that has arrived. Both are empty until a packet has some.
@@ -60,7 +66,7 @@ const MAX_EXPANSION: usize = 4096;
 
 impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
     pub(super) fn new(path: &'p Path, limits: Limits, notify: N) -> Assembler<'p, N> {
-        Assembler { receiver: Receiver::default(), frame: None, noise: Vec::new(), path, limits, notify }
+        Assembler { receiver: Receiver::default(), frame: None, late: None, noise: Vec::new(), path, limits, notify }
     }
 
     /// Processes the bytes between two zeros of the stream.
@@ -85,10 +91,19 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
                 return Ok(Piece::Noise);
             }
         };
-        let size = [packet.header.width, packet.header.height].map(usize::from);
+        match self.take(&packet)? {
+            Piece::NextFrame if self.set_aside() => self.take(&packet),
+            Piece::End if self.set_aside() => Ok(Piece::Line),
+            piece => Ok(piece),
+        }
+    }
+
+    /// Takes a packet of a frame.
+    fn take(&mut self, packet: &Packet<'_>) -> Result<Piece> {
+        let (size, sequence) = ([packet.header.width, packet.header.height].map(usize::from), packet.header.sequence);
         let frame = match &mut self.frame {
             Some(frame) => frame,
-            None => self.frame.insert(PartialFrame::new(size, self.path, self.limits)?),
+            None => self.frame.insert(PartialFrame::new(size, sequence, self.path, self.limits)?),
         };
         let expected = frame.size;
         if size != expected {
@@ -97,17 +112,38 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
         }
         match self.receiver.accept(&packet.header) {
             Ok(()) => self.report_missing(0..0),
-            Err(Lost { expected, found }) if found < expected => return Ok(Piece::NextFrame),
+            Err(Lost { expected, found }) if found < expected => {
+                self.report_no_end();
+                return Ok(Piece::NextFrame);
+            }
             Err(Lost { expected, found }) => self.report_missing(expected..found),
         }
         match packet.header.content {
             Content::Line { line, left, .. } | Content::LineWithConfidences { line, left, .. } => {
-                let id = PacketId { line: line.into(), sequence: packet.header.sequence };
-                self.store(id, left.into(), &packet);
+                self.store(PacketId { line: line.into(), sequence }, left.into(), packet);
                 Ok(Piece::Line)
             }
-            Content::End { stack } => Ok(Piece::End { stack }),
+            Content::End { stack } => {
+                self.frame.iter_mut().for_each(|frame| frame.stack = stack);
+                Ok(Piece::End)
+            }
         }
+    }
+
+    /// Sets the frame aside if the reception began in the middle of it, and returns true if so.
+    fn set_aside(&mut self) -> bool {
+        if !self.is_late() {
+            return false;
+        }
+        self.late = self.frame.take();
+        self.receiver = Receiver::default();
+        (self.notify)(Notice::Late);
+        true
+    }
+
+    /// Returns true if the reception began in the middle of the frame.
+    fn is_late(&self) -> bool {
+        self.late.is_none() && self.frame.as_ref().is_some_and(|frame| frame.first_sequence > 0)
     }
 
     /// Reports the `missing` packets and the noise before the packet that has just arrived.
@@ -160,7 +196,7 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
         (self.notify)(line);
     }
 
-    /// Reports that the stream ended before the frame did.
+    /// Reports that the frame has no end.
     pub(super) fn report_no_end(&mut self) {
         self.report_missing(0..0);
         if let Some(after) = self.frame.as_ref().and_then(|frame| frame.last_packet) {
@@ -168,12 +204,13 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
         }
     }
 
-    /// Returns the frame, after `bytes` bytes of the stream.
+    /// Returns the frame, after `bytes` bytes of the stream, or the one that was set aside if more of that arrived.
     ///
     /// # Errors
     /// The stream had no packets of disparities, or hardly any of a large frame.
-    pub(super) fn finish(self, stack: Option<u32>, bytes: usize) -> Result<ReceivedFrame> {
-        let Some(frame) = self.frame else {
+    pub(super) fn finish(mut self, bytes: usize) -> Result<ReceivedFrame> {
+        let frames = [self.late, self.frame].into_iter().flatten();
+        let Some(mut frame) = frames.max_by_key(|frame| frame.received) else {
             let found = match self.noise.first() {
                 _ if bytes == 0 => "nothing".into(),
                 Some(error) => format!("{bytes} bytes without a packet of disparities (the first error: {error})"),
@@ -182,27 +219,35 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
             let expected = "the packets that multiscopic's firmware or `multiscopic simulate` sends";
             return Err(Error::format(self.path, found, expected));
         };
+        mem::take(&mut frame.flaws).into_iter().for_each(|flaw| (self.notify)(Notice::Flaw(flaw)));
         let ([width, height], pixels) = (frame.size, frame.received);
         let enough = (width * height).div_ceil(MAX_EXPANSION);
         if pixels < enough {
             let found = format!("{pixels} pixels of a frame of {width}x{height}");
             return Err(Error::format(self.path, found, format!("at least {enough} of them: it is damaged, or another stream")));
         }
+        let stack = frame.stack.map(|bytes| bytes as usize);
         let (disparities, confidences) = frame.maps();
-        Ok(ReceivedFrame { disparities, confidences, pixels, stack: stack.map(|bytes| bytes as usize) })
+        Ok(ReceivedFrame { disparities, confidences, pixels, stack })
     }
 
+    /// Reports a flaw of the frame: at once, or when the frame is taken if it may be set aside.
     fn report(&mut self, flaw: Flaw) {
-        (self.notify)(Notice::Flaw(flaw));
+        let is_late = self.is_late() || self.late.is_some();
+        match &mut self.frame {
+            Some(frame) if is_late => frame.flaws.push(flaw),
+            _ => (self.notify)(Notice::Flaw(flaw)),
+        }
     }
 }
 
 impl PartialFrame {
-    /// An empty frame. The size is what a packet from `path` says.
-    fn new([width, height]: [usize; 2], path: &Path, limits: Limits) -> Result<PartialFrame> {
+    /// An empty frame. The size is what its first packet from `path` says, which has this sequence number.
+    fn new([width, height]: [usize; 2], first_sequence: u32, path: &Path, limits: Limits) -> Result<PartialFrame> {
         limits.check_size(path, width as u32, height as u32)?;
         let lines = vec![PartialLine::default(); height];
-        Ok(PartialFrame { size: [width, height], lines, received: 0, last_packet: None })
+        let (last_packet, stack, flaws) = (None, None, Vec::new());
+        Ok(PartialFrame { size: [width, height], lines, received: 0, first_sequence, last_packet, stack, flaws })
     }
 
     /// The disparities, and the confidences if a packet had some.
@@ -234,6 +279,8 @@ pub enum Notice {
         /// Number of pixels in the frame.
         of: usize,
     },
+    /// The reception began in the middle of a frame, which has ended. The next one is waited for.
+    Late,
     /// A packet did not arrive as it was sent.
     Flaw(Flaw),
 }
@@ -317,9 +364,18 @@ impl fmt::Display for Flaw {
         match self {
             Flaw::Damaged { packet: Some(packet), error, .. } => write!(f, "{packet} is damaged: {error}"),
             Flaw::Damaged { after, error, .. } => write!(f, "{}: {error}", position(after)),
-            Flaw::Lost { first, last } if first == last => write!(f, "{first} is lost"),
             Flaw::Lost { first, last } => {
-                write!(f, "lines {} to {} (packets {} to {}) are lost", first.line, last.line, first.sequence, last.sequence)
+                match first == last {
+                    true => write!(f, "{first} is lost"),
+                    false => {
+                        write!(
+                            f,
+                            "lines {} to {} (packets {} to {}) are lost",
+                            first.line, last.line, first.sequence, last.sequence
+                        )
+                    }
+                }?;
+                f.write_str(if first.sequence == 0 { ", or sent before the reception began" } else { "" })
             }
             Flaw::NoEnd { after } => write!(f, "the end of the frame is lost: nothing came after {after}"),
             Flaw::Foreign { after, error } => write!(f, "foreign data {}: {error}", position(after)),

@@ -23,7 +23,8 @@ pub use assembler::{Flaw, Notice, PacketId, ReceivedFrame};
 /// Give up after this many bytes without a packet: then the stream is something else.
 const MAX_NOISE_BYTES: usize = 1 << 20;
 
-/// Reads packets from `source` until the frame or the stream ends, and reports every event to `notify`.
+/// Reads packets from `source` until the frame or the stream ends, and reports every event to `notify`. If the reception begins in
+/// the middle of a frame, it goes on to the end of the next, and takes the one of which more arrives.
 /// Messages call the source `path`. A frame has a size within `limits`.
 ///
 /// # Errors
@@ -44,12 +45,11 @@ pub fn receive(mut source: impl BufRead, path: &Path, limits: Limits, notify: im
         match assembler.process(&mut piece)? {
             Piece::Noise => {}
             Piece::Line => noise_bytes = 0,
-            Piece::End { stack } => return assembler.finish(stack, bytes),
-            Piece::NextFrame => break,
+            Piece::End | Piece::NextFrame => return assembler.finish(bytes),
         }
     }
     assembler.report_no_end();
-    assembler.finish(None, bytes)
+    assembler.finish(bytes)
 }
 
 #[cfg(test)]
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn missing_packets_are_reported_and_their_pixels_invalid() {
         for (missing, pixels, expected) in [
-            (0..1, 10, &["line 0 (packet 0) is lost"][..]),
+            (0..1, 10, &["line 0 (packet 0) is lost, or sent before the reception began"][..]),
             (1..3, 8, &["lines 1 to 2 (packets 1 to 2) are lost"]),
             (3..6, 8, &["line 3 (packet 3) is lost", "lines 0 to 1 (packets 4 to 5) are lost"]),
             (7..8, 11, &["line 3 (packet 7) is lost"]),
@@ -184,6 +184,32 @@ mod tests {
         let (received, flaws, is_harmed) = received(&packets);
         assert!(received.is_complete() && !is_harmed);
         assert_eq!(flaws, ["ignored a packet of another frame: 9x9 pixels instead of 3x4"]);
+    }
+
+    #[test]
+    fn the_next_frame_replaces_one_that_began_before_the_reception() {
+        let lost = "lines 0 to 2 (packets 0 to 2) are lost, or sent before the reception began".to_owned();
+        let late = sent().split_off(3);
+        let without = |removed: usize| [&late[..], &sent()[..removed], &sent()[removed + 1..]].concat();
+        for (packets, pixels, expected) in [
+            // The end of the first frame, then a whole frame, with or without the packet between them.
+            ([&late[..], &sent()[..]].concat(), 12, vec![]),
+            ([&late[..5], &sent()[..]].concat(), 12, vec![]),
+            // The next frame lacks a line, or has no beginning either.
+            (without(1), 10, vec!["line 1 (packet 1) is lost".to_owned()]),
+            (without(0), 10, vec!["line 0 (packet 0) is lost, or sent before the reception began".into()]),
+            // No frame follows, or less of it than there was.
+            (late.clone(), 6, vec![lost.clone()]),
+            ([&late[..], &sent()[..2]].concat(), 6, vec![lost.clone()]),
+            (
+                late[..5].to_vec(),
+                6,
+                vec![lost.clone(), "the end of the frame is lost: nothing came after line 3 (packet 7)".into()],
+            ),
+        ] {
+            let (received, flaws, is_harmed) = received(&packets);
+            assert_eq!((received.pixels, &flaws, is_harmed), (pixels, &expected, !expected.is_empty()));
+        }
     }
 
     #[test]

@@ -2,9 +2,10 @@
 
 use std::{
     fs,
-    io::Write,
+    io::{Read, Write},
     path::{Path, PathBuf},
     process::{Command, Stdio},
+    time::Duration,
 };
 
 use multiscopic_core::{BlockMatchingParams, Disparity, Fusion, Region, SearchConfig, Views};
@@ -13,6 +14,8 @@ use multiscopic_tests::{
     program::{self, Invocation},
     test_images::{read_pfm, read_raw16},
 };
+
+use serialport::{SerialPort, TTYPort};
 
 use super::{confidences, folder, json};
 
@@ -85,6 +88,31 @@ fn a_whole_stream_becomes_pictures() {
     let pixels = |raw: u16| if raw == 0 { f32::INFINITY } else { (f32::from(raw) - 32768.0) / 64.0 };
     assert_eq!(read_pfm(&pfm), (7, 5, samples(&[]).into_iter().map(pixels).collect()));
     assert_eq!(image::open(png).expect("a picture").to_rgb8().dimensions(), (7, 5));
+}
+
+/// A serial port as it is by default echoes what arrives, and changes some bytes.
+#[test]
+fn a_serial_port_is_set_raw() {
+    let dir = folder();
+    let (mut device, near) = TTYPort::pair().expect("a pseudo-terminal");
+    device.set_timeout(Duration::from_millis(200)).expect("a time-out");
+    let port = near.name().expect("the terminal's name");
+    let stty = |words: &[&str]| {
+        let output = Command::new("stty").args(["-F", &port]).args(words).output().expect("stty");
+        String::from_utf8(output.stdout).expect("UTF-8")
+    };
+    stty(&["sane"]);
+    let (before, raw16) = (stty(&["-g"]), dir.path().join("out.png"));
+    let mut listen = Command::new(program::binary());
+    let mut listen = listen.arg("listen").arg(&port).arg("--raw16").arg(&raw16).spawn().expect("the program runs");
+    while stty(&["-a"]).contains(" icanon") {
+        assert_eq!(listen.try_wait().expect("it can be waited for"), None);
+    }
+    device.write_all(&packets().concat()).expect("the port takes the packets");
+    assert!(listen.wait().expect("it can be waited for").success());
+    assert_eq!(read_raw16(&raw16), (7, 5, samples(&[])));
+    assert_eq!(stty(&["-g"]), before, "the settings are restored");
+    assert!(device.read(&mut [0]).is_err(), "nothing is echoed");
 }
 
 #[test]

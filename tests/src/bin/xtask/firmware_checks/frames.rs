@@ -155,7 +155,7 @@ pub fn whole(mut bytes: &[u8], path: &Path, search: &SearchSpace) -> Result<Rece
     let mut flaws: Vec<Flaw> = Vec::new();
     let received = reception::receive(&mut bytes, path, Limits::DEFAULT, |notice| match notice {
         Notice::Flaw(flaw) => flaws.push(flaw),
-        Notice::Line { .. } => {}
+        Notice::Line { .. } | Notice::Late => {}
     })?;
     ensure!(flaws.is_empty(), "{}", flaws.iter().map(Flaw::to_string).collect::<Vec<_>>().join("; "));
     let size = |map: &DisparityMap| (map.width(), map.height());

@@ -249,8 +249,8 @@ fn a_protective_stop_is_reported() {
     let mut stage = bench.open().unwrap();
     bench.arm.fail(Fault::ProtectiveStop { after_m: 0.01 });
     let error = bench.soon(|| bench.go(&mut stage, at(40_000, 0))).unwrap_err();
-    assert!(matches!(error, StageError::SafetyStop(SafetyMode::ProtectiveStop)), "{error}");
-    assert_eq!(error.to_string(), "the arm has stopped: protective stop; release it at the teach pendant");
+    assert!(matches!(error, StageError::SafetyStop(SafetyMode::PROTECTIVE_STOP)), "{error}");
+    assert_eq!(error.to_string(), "the arm has stopped: protective stop (safety mode 3); release it at the teach pendant");
     // No order is sent to a stopped arm.
     bench.arm.heard();
     assert!(matches!(stage.move_to(at(0, 0)), Err(StageError::SafetyStop(_))));
@@ -386,19 +386,45 @@ fn an_arm_that_is_not_ready_is_refused() {
     bench.go(&mut bench.open().unwrap(), at(1000, 0)).unwrap();
 }
 
-/// Answers the handshake as an arm does, then sends `noise`.
-fn noisy(noise: Vec<u8>) -> StageSpec {
+/// Answers the first requests of the handshake, then waits for the end, or hangs up.
+fn answering(answers: Vec<Vec<u8>>, waits: bool) -> StageSpec {
     let port = TcpListener::bind("127.0.0.1:0").unwrap();
     let spec = format!("ur10:127.0.0.1:{0},{0}", port.local_addr().unwrap().port());
     thread::spawn(move || -> io::Result<()> {
         let (mut stream, _) = port.accept()?;
-        for answer in ANSWERS {
+        for answer in answers {
             hear(&mut stream)?;
-            stream.write_all(answer)?;
+            stream.write_all(&answer)?;
         }
-        stream.write_all(&noise)
+        if waits { io::copy(&mut stream, &mut io::sink()).map(drop) } else { Ok(()) }
     });
     spec.parse().unwrap()
+}
+
+/// Answers the handshake as an arm does, then sends `noise`.
+fn noisy(noise: Vec<u8>) -> StageSpec {
+    let [version, recipe, start] = ANSWERS;
+    answering(vec![version.into(), recipe.into(), [start, &noise].concat()], false)
+}
+
+#[test]
+fn an_incomplete_handshake_names_what_came() {
+    let [version, recipe, start] = ANSWERS.map(<[u8]>::to_vec);
+    let lacking = b"\0\x33O\0DOUBLE,VECTOR6D,VECTOR6D,INT32,NOT_FOUND,UINT32".to_vec();
+    // A sample of zeros in recipe 1, and a text.
+    let sample = [&[0, 120, b'U', 1][..], &[0; 116]].concat();
+    let text = b"\0\x0cM\x02hi\x04RTDE\x01".to_vec();
+    let limits = Limits { connect_timeout: Duration::from_millis(600), ..patient() };
+    for (answers, words) in [
+        (vec![], "nothing came from the arm at 127.0.0.1"),
+        (vec![version.clone(), lacking], "found a controller without the variables safety_mode, expected newer software"),
+        (vec![version.clone(), recipe.clone(), sample.clone()], "found samples, but not an answer to the start within"),
+        (vec![version.clone(), text], "found texts, but not an answer about the variables within"),
+        (vec![version, recipe, start[..2].into()], "found a part of a package, but not an answer to the start within"),
+    ] {
+        let error = stage::open(&answering(answers, true), &limits).map(drop).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
 }
 
 #[test]

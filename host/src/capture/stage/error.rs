@@ -155,72 +155,65 @@ impl From<StageError> for crate::error::Error {
     }
 }
 
-/// The safety mode of an arm of Universal Robots, numbered like `safety_mode` of RTDE.
+/// The safety mode of an arm of Universal Robots, numbered like `safety_mode` and `safety_status` of RTDE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum SafetyMode {
-    /// The arm may move.
-    Normal,
-    /// The arm may move, but slowly.
-    Reduced,
-    /// The arm met an obstacle, or an unexpected force.
-    ProtectiveStop,
-    /// The arm must be moved back within its safety limits.
-    Recovery,
-    /// A safeguard, such as a light curtain, stopped the arm.
-    SafeguardStop,
-    /// The emergency stop of the installation was pressed.
-    SystemEmergencyStop,
-    /// The emergency stop of the arm was pressed.
-    RobotEmergencyStop,
-    /// The arm exceeded a safety limit.
-    Violation,
-    /// The safety system has a fault.
-    Fault,
-    /// A mode that only newer controllers have.
-    Other(i32),
-}
+pub struct SafetyMode(pub i32);
 
 impl SafetyMode {
+    /// The arm may move.
+    pub const NORMAL: SafetyMode = SafetyMode(1);
+    /// The arm may move, but slowly.
+    pub const REDUCED: SafetyMode = SafetyMode(2);
+    /// The arm met an obstacle, or an unexpected force.
+    pub const PROTECTIVE_STOP: SafetyMode = SafetyMode(3);
+
+    /// Descriptions by number, starting from 1. From 12 on, only newer controllers have them.
+    const DESCRIPTIONS: [&str; 23] = [
+        "normal operation",
+        "reduced operation",
+        "protective stop",
+        "recovery mode",
+        "safeguard stop",
+        "emergency stop of the installation",
+        "emergency stop of the arm",
+        "a safety limit was exceeded",
+        "a safety fault",
+        "the joints are to be validated",
+        "an undefined safety mode",
+        "safeguard stop of the automatic mode",
+        "the installation's three-position enabling device stops it",
+        "the teach pendant's three-position enabling device stops it",
+        "emergency stop of the injection moulding machine",
+        "safeguard stop of the injection moulding machine",
+        "PROFIsafe waits for parameters",
+        "PROFIsafe's safeguard stop of the automatic mode",
+        "PROFIsafe's safeguard stop",
+        "PROFIsafe's emergency stop",
+        "",
+        "safeguard stop of the safety interface",
+        "a plane that switches an output stops it",
+    ];
+
     /// Returns true if the arm may move.
     pub fn may_move(self) -> bool {
-        matches!(self, SafetyMode::Normal | SafetyMode::Reduced)
+        [SafetyMode::NORMAL, SafetyMode::REDUCED].contains(&self)
     }
 }
 
-impl From<i32> for SafetyMode {
-    fn from(number: i32) -> SafetyMode {
-        match number {
-            1 => SafetyMode::Normal,
-            2 => SafetyMode::Reduced,
-            3 => SafetyMode::ProtectiveStop,
-            4 => SafetyMode::Recovery,
-            5 => SafetyMode::SafeguardStop,
-            6 => SafetyMode::SystemEmergencyStop,
-            7 => SafetyMode::RobotEmergencyStop,
-            8 => SafetyMode::Violation,
-            9 => SafetyMode::Fault,
-            other => SafetyMode::Other(other),
+/// The description and the number.
+impl fmt::Display for SafetyMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match description(&Self::DESCRIPTIONS, 1, self.0) {
+            Some(description) => write!(f, "{description} (safety mode {})", self.0),
+            None => write!(f, "safety mode {}, which is unknown", self.0),
         }
     }
 }
 
-impl fmt::Display for SafetyMode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self {
-            SafetyMode::Normal => "normal operation",
-            SafetyMode::Reduced => "reduced operation",
-            SafetyMode::ProtectiveStop => "protective stop",
-            SafetyMode::Recovery => "recovery mode",
-            SafetyMode::SafeguardStop => "safeguard stop",
-            SafetyMode::SystemEmergencyStop => "emergency stop of the installation",
-            SafetyMode::RobotEmergencyStop => "emergency stop of the arm",
-            SafetyMode::Violation => "a safety limit was exceeded",
-            SafetyMode::Fault => "a safety fault",
-            SafetyMode::Other(number) => return write!(f, "safety mode {number}"),
-        };
-        f.write_str(name)
-    }
+/// The description of a number, given those from the number `first` on.
+fn description<'a>(descriptions: &[&'a str], first: i32, number: i32) -> Option<&'a str> {
+    let index = usize::try_from(number.checked_sub(first)?).ok()?;
+    descriptions.get(index).copied().filter(|description| !description.is_empty())
 }
 
 /// The operating mode of an arm, numbered like `robot_mode` of RTDE.
@@ -249,10 +242,33 @@ impl RobotMode {
 /// Completes the sentence "the arm is ...".
 impl fmt::Display for RobotMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let index = usize::try_from(i64::from(self.0) + 1).ok();
-        match index.and_then(|index| Self::DESCRIPTIONS.get(index)) {
+        match description(&Self::DESCRIPTIONS, -1, self.0) {
             Some(description) => f.write_str(description),
-            None => write!(f, "in mode {}", self.0),
+            None => write!(f, "in mode {}, which is unknown", self.0),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_known_safe_modes_may_move() {
+        for number in [i32::MIN, -1, 0, 3, 4, 11, 12, 21, 23, 24, i32::MAX] {
+            assert!(!SafetyMode(number).may_move(), "{number}");
+        }
+        assert!([1, 2].map(SafetyMode).into_iter().all(SafetyMode::may_move));
+        for (number, text) in [
+            (1, "normal operation (safety mode 1)"),
+            (12, "safeguard stop of the automatic mode (safety mode 12)"),
+            (13, "the installation's three-position enabling device stops it (safety mode 13)"),
+            (21, "safety mode 21, which is unknown"),
+            (-7, "safety mode -7, which is unknown"),
+            (i32::MIN, "safety mode -2147483648, which is unknown"),
+        ] {
+            assert_eq!(SafetyMode(number).to_string(), text);
+        }
+        assert_eq!([-1, 9].map(|mode| RobotMode(mode).to_string()), ["without a controller", "in mode 9, which is unknown"]);
     }
 }

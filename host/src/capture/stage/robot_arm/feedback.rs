@@ -10,6 +10,7 @@ use std::{
 use super::{
     network::Connection,
     rtde::{self, PackageKind, PackageReader, Sample},
+    script::ToolPose,
 };
 use crate::capture::{
     Clock,
@@ -61,7 +62,8 @@ impl Feedback {
         let disconnected = |source| rtde::disconnected(&name, source);
         stream.set_write_timeout(limit).map_err(disconnected)?;
         let mut reader = PackageReader::new(stream.try_clone().map_err(disconnected)?);
-        let handshake = Handshake { reader: &mut reader, name: &name, clock: &*clock, deadline: clock.now() + limit, limit };
+        let (deadline, heard) = (clock.now() + limit, Vec::new());
+        let handshake = Handshake { reader: &mut reader, name: &name, clock: &*clock, deadline, limit, heard };
         let Agreement { recipe, sample } = handshake.run()?;
         reader.stream().set_read_timeout(None).map_err(disconnected)?;
 
@@ -171,11 +173,12 @@ fn receive(reader: &mut PackageReader, recipe: u8, latest: &Mutex<Latest>, clock
     }
 }
 
-/// The tool counts as standing still below these speeds, in metres and radians per second: what the sensors
-/// report of a tool at rest.
-const STILL_SPEED: [f64; 2] = [1e-3, 1e-2];
+/// The tool counts as standing still if it stays within these distances of a pose, in metres and radians, and reports less than
+/// these speeds. At rest, the sensors' noise is below.
+const STILL_DISTANCE: [f64; 2] = [5e-5, 1e-3];
+const STILL_SPEED: [f64; 2] = [1e-2, 1e-1];
 
-/// Samples in a row below [`STILL_SPEED`] for the tool to count as still.
+/// Samples in a row for the tool to count as still. With 125 a second, it moves by less than 1.3 mm/s.
 const STILL_SAMPLES: u64 = 5;
 
 /// The latest sample of an arm's state, and what happened up to it.
@@ -187,8 +190,8 @@ pub struct ArmState {
     pub at: Instant,
     /// Number of samples so far.
     pub count: u64,
-    /// The value of `count` when the tool last moved.
-    pub last_moved: u64,
+    /// The value of `count` when the tool last moved, and its pose then.
+    pub last_moved: (u64, ToolPose),
     /// The value of `count` when a program last ran.
     pub last_playing: u64,
 }
@@ -196,26 +199,29 @@ pub struct ArmState {
 impl ArmState {
     /// The state at the first sample, which arrived at time `at`.
     pub fn first(sample: Sample, at: Instant) -> ArmState {
-        ArmState { sample, at, count: 0, last_moved: 0, last_playing: 0 }.next(sample, at)
+        ArmState { sample, at, count: 0, last_moved: (0, sample.pose), last_playing: 0 }.next(sample, at)
     }
 
     /// The state after another sample, which arrived at time `at`.
     pub fn next(self, sample: Sample, at: Instant) -> ArmState {
         let count = self.count + 1;
-        let speeds = sample.speed.map(|[x, y, z]| x.hypot(y).hypot(z));
-        let is_moving = speeds.iter().zip(STILL_SPEED).any(|(&speed, still)| speed > still);
+        let norm = |[x, y, z]: [f64; 3]| x.hypot(y).hypot(z);
+        let (_, rest) = self.last_moved;
+        let distances = [norm(rest.offset_of(&sample.pose)), rest.angle_to(&sample.pose)];
+        let is_beyond = |values: [f64; 2], limits: [f64; 2]| values.iter().zip(limits).any(|(&value, limit)| value > limit);
+        let is_moving = is_beyond(distances, STILL_DISTANCE) || is_beyond(sample.speed.map(norm), STILL_SPEED);
         ArmState {
             sample,
             at,
             count,
-            last_moved: if is_moving { count } else { self.last_moved },
+            last_moved: if is_moving { (count, sample.pose) } else { self.last_moved },
             last_playing: if sample.is_playing { count } else { self.last_playing },
         }
     }
 
     /// Returns true if the tool has stood still for some samples, all of them after sample number `since`.
     pub fn is_still(&self, since: u64) -> bool {
-        self.count >= self.last_moved.max(since) + STILL_SAMPLES
+        self.count >= self.last_moved.0.max(since) + STILL_SAMPLES
     }
 
     /// Fails unless the arm can move.
@@ -255,6 +261,8 @@ struct Handshake<'a> {
     deadline: Instant,
     /// The time that the handshake may take, for messages.
     limit: Duration,
+    /// The kinds of the packages that came since the last request.
+    heard: Vec<u8>,
 }
 
 impl Handshake<'_> {
@@ -272,8 +280,12 @@ impl Handshake<'_> {
         let recipe = match answer.split_first() {
             Some((&recipe, types)) if types == rtde::types().as_bytes() => recipe,
             _ => {
-                let found = String::from_utf8_lossy(answer.get(1..).unwrap_or_default()).into_owned();
-                return Err(self.refused(&format!("the types `{found}`"), &format!("`{}`", rtde::types())));
+                let types = String::from_utf8_lossy(answer.get(1..).unwrap_or_default());
+                let missing = rtde::missing_variables(&types);
+                return Err(match missing.is_empty() {
+                    true => self.refused(&format!("the types `{types}`"), &format!("`{}`", rtde::types())),
+                    false => self.refused(&format!("a controller without the variables {missing}"), "newer software on it"),
+                });
             }
         };
         let started = self.request(PackageKind::Start, &[])?;
@@ -281,7 +293,7 @@ impl Handshake<'_> {
             return Err(self.refused("a controller that refuses to send its state", "one that sends it"));
         }
         loop {
-            let (kind, payload) = self.next()?;
+            let (kind, payload) = self.next(PackageKind::Data)?;
             let sample = Sample::from_package(kind, &payload, recipe).map_err(|found| rtde::unexpected(self.name, found))?;
             if let Some(sample) = sample {
                 return Ok(Agreement { recipe, sample });
@@ -293,27 +305,31 @@ impl Handshake<'_> {
     fn request(&mut self, kind: PackageKind, payload: &[u8]) -> Result<Vec<u8>, StageError> {
         let sent = self.reader.stream().write_all(&rtde::package(kind, payload));
         sent.map_err(|source| rtde::disconnected(self.name, source))?;
+        self.heard.clear();
         loop {
-            let (number, payload) = self.next()?;
+            let (number, payload) = self.next(kind)?;
             match number == kind.number() {
                 true => return Ok(payload),
                 // Messages and samples may come at any time.
                 false if [PackageKind::Text, PackageKind::Data].iter().any(|kind| kind.number() == number) => {}
-                false => return Err(rtde::unexpected(self.name, format!("a package of kind {number}"))),
+                false => return Err(rtde::unexpected(self.name, rtde::kind_name(number))),
             }
         }
     }
 
-    /// The kind and payload of the next package.
-    fn next(&mut self) -> Result<(u8, Vec<u8>), StageError> {
+    /// The kind and payload of the next package, which should be of the kind `wanted`.
+    fn next(&mut self, wanted: PackageKind) -> Result<(u8, Vec<u8>), StageError> {
         let disconnected = |source| rtde::disconnected(self.name, source);
         loop {
             if let Some(package) = self.reader.buffered().map_err(|found| rtde::unexpected(self.name, found))? {
+                if !self.heard.contains(&package.0) {
+                    self.heard.push(package.0);
+                }
                 return Ok(package);
             }
             let remaining = self.deadline.saturating_duration_since(self.clock.now());
             if remaining.is_zero() {
-                return Err(StageError::Silent { from: self.name.into(), after: self.limit });
+                return Err(self.missed(wanted));
             }
             self.reader.stream().set_read_timeout(Some(remaining)).map_err(disconnected)?;
             match self.reader.fill() {
@@ -323,7 +339,55 @@ impl Handshake<'_> {
         }
     }
 
+    /// The error that no package of the kind `wanted` came in time.
+    fn missed(&self, wanted: PackageKind) -> StageError {
+        let (from, after) = (self.name.into(), self.limit);
+        if self.heard.is_empty() && self.reader.is_empty() {
+            return StageError::Silent { from, after };
+        }
+        let heard: Vec<String> = self.heard.iter().map(|&number| rtde::kind_name(number)).collect();
+        let heard = if heard.is_empty() { "a part of a package".into() } else { heard.join(", ") };
+        let found = format!("{heard}, but not {} within {:.1} s", rtde::kind_name(wanted.number()), after.as_secs_f32());
+        rtde::unexpected(self.name, found)
+    }
+
     fn refused(&self, found: &str, expected: &str) -> StageError {
         StageError::Protocol { from: self.name.into(), found: found.into(), expected: expected.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::stage::error::SafetyMode;
+
+    /// The state after samples of a tool at these places along x, in micrometres, that reports these speeds in mm/s.
+    fn state(samples: impl IntoIterator<Item = (f64, f64)>) -> ArmState {
+        let sample = |(x_um, speed): (f64, f64)| Sample {
+            pose: ToolPose { position: [0.3 + x_um * 1e-6, 0.1, 0.2], rotation: [0.0, 3.1, 0.0] },
+            speed: [[speed * 1e-3, 0.0, 0.0], [0.0; 3]],
+            robot_mode: RobotMode::RUNNING,
+            safety: SafetyMode::NORMAL,
+            is_playing: true,
+        };
+        let (mut samples, at) = (samples.into_iter().map(sample), Instant::now());
+        let first = ArmState::first(samples.next().unwrap(), at);
+        samples.fold(first, |state, sample| state.next(sample, at))
+    }
+
+    #[test]
+    fn a_tool_stands_still_if_its_place_does() {
+        let still = |sample: fn(f64) -> (f64, f64)| state((0..20).map(|i| sample(f64::from(i)))).is_still(3);
+        assert!(still(|_| (0.0, 0.0)));
+        // Noise, of the place and of the speed.
+        assert!(still(|i| (20.0 * i.sin(), 3.0 * i.cos())));
+        // 125 samples a second, at 5 mm/s.
+        assert!(!still(|i| (40.0 * i, 5.0)));
+        assert!(!still(|i| (40.0 * i, 0.0)), "the speed is not reported");
+        assert!(!still(|_| (0.0, 50.0)), "the place is not reported");
+        // It stops at the sample 15, with five to go, and at 17.
+        assert!(still(|i| (100.0 * i.min(14.0), 0.0)));
+        assert!(!still(|i| (100.0 * i.min(17.0), 0.0)));
+        assert!(!state([(0.0, 0.0); 7]).is_still(3), "too few samples since");
     }
 }

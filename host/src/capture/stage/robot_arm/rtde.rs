@@ -29,31 +29,38 @@ const HEADER_BYTES: usize = 3;
 const MAX_BYTES: usize = 8192;
 const SAMPLE_BYTES: usize = 8 + 2 * 6 * 8 + 3 * 4;
 
-/// The kind of a package.
+/// The kind of a package, with its code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum PackageKind {
     /// The version of the protocol.
-    ProtocolVersion,
+    ProtocolVersion = b'V',
     /// A message to be read by people.
-    Text,
+    Text = b'M',
     /// A sample of the arm's state.
-    Data,
+    Data = b'U',
     /// The variables that samples should have.
-    SetupOutputs,
+    SetupOutputs = b'O',
     /// Starts the transmission.
-    Start,
+    Start = b'S',
 }
 
 impl PackageKind {
     /// Its code, an ASCII letter.
     pub const fn number(self) -> u8 {
-        match self {
-            PackageKind::ProtocolVersion => b'V',
-            PackageKind::Text => b'M',
-            PackageKind::Data => b'U',
-            PackageKind::SetupOutputs => b'O',
-            PackageKind::Start => b'S',
-        }
+        self as u8
+    }
+}
+
+/// The packages of a kind in words, by its code.
+pub fn kind_name(number: u8) -> String {
+    match number {
+        b'V' => "an answer about the version".into(),
+        b'M' => "texts".into(),
+        b'U' => "samples".into(),
+        b'O' => "an answer about the variables".into(),
+        b'S' => "an answer to the start".into(),
+        other => format!("packages of kind `{}`", other.escape_ascii()),
     }
 }
 
@@ -71,6 +78,12 @@ pub fn recipe() -> Vec<u8> {
 /// The types in the arm's answer to [`recipe`].
 pub fn types() -> String {
     join(|(_, kind)| kind)
+}
+
+/// The variables that the controller does not have, by its answer to [`recipe`]. Empty if it has all.
+pub fn missing_variables(types: &str) -> String {
+    let missing = RECIPE.iter().zip(types.split(',')).filter(|(_, found)| *found == "NOT_FOUND").map(|((name, _), _)| *name);
+    missing.collect::<Vec<_>>().join(", ")
 }
 
 fn join(column: impl Fn((&'static str, &'static str)) -> &'static str) -> String {
@@ -148,7 +161,7 @@ impl Sample {
             pose: ToolPose { position: vector(1), rotation: vector(4) },
             speed: [vector(7), vector(10)],
             robot_mode: RobotMode(integer(0)),
-            safety: SafetyMode::from(integer(1)),
+            safety: SafetyMode(integer(1)),
             is_playing: integer(2) as u32 == Self::PLAYING,
         };
         let mut numbers = [sample.pose.position, sample.pose.rotation].into_iter().chain(sample.speed).flatten();
@@ -186,6 +199,11 @@ impl PackageReader {
     /// The connection.
     pub fn stream(&mut self) -> &mut dyn Connection {
         &mut *self.stream
+    }
+
+    /// Returns true if no bytes of a package have arrived.
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
     }
 
     /// Removes the first package from the buffer, and returns its kind and payload. `None` if it has not
@@ -233,7 +251,7 @@ mod tests {
             pose: ToolPose { position: [0.1, 0.2, 0.3], rotation: [0.4, 0.5, 0.6] },
             speed: [[0.01, 0.02, 0.03], [0.04, 0.05, 0.06]],
             robot_mode: RobotMode::RUNNING,
-            safety: SafetyMode::ProtectiveStop,
+            safety: SafetyMode::PROTECTIVE_STOP,
             is_playing: true,
         };
         assert_eq!(Sample::decode(&sample()), Ok(expected));
@@ -258,5 +276,7 @@ mod tests {
         let refusal = split(b"HTTP/1.1 400 Bad Request\r\n").unwrap_err();
         assert_eq!(refusal, r"`HTTP/1.1 400 Bad Request\r\n`, a package of 18516 bytes");
         assert_eq!(types(), "DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32");
+        assert_eq!(missing_variables(&types()), "");
+        assert_eq!(missing_variables("DOUBLE,NOT_FOUND,VECTOR6D,INT32,NOT_FOUND,UINT32"), "actual_TCP_pose, safety_mode");
     }
 }

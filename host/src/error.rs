@@ -293,6 +293,8 @@ pub enum PlaneError {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
+    /// No pixel has a disparity.
+    NoDisparity,
     /// Views show the scene moved the wrong way.
     Swapped(Vec<View>),
     /// The edges of a frame are much softer than those of most others.
@@ -336,6 +338,7 @@ pub enum Warning {
 impl Display for Warning {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
+            Warning::NoDisparity => f.write_str("no pixel has a disparity: search another range, and filter less"),
             Warning::Swapped(views) => {
                 let names: Vec<String> = views.iter().map(View::to_string).collect();
                 let (noun, look) = if names.len() == 1 { ("view", "looks") } else { ("views", "look") };

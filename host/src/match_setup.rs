@@ -93,6 +93,7 @@ impl MatchSetup {
     /// Returns the reasons to doubt the images, or the disparities that a `search` found in them.
     pub fn warnings(&self, disparities: &DisparityMap, search: &SearchSpace) -> Vec<Warning> {
         let MatchSetup { inspection, alignment, .. } = self;
+        let none = disparities.range().is_none().then_some(Warning::NoDisparity);
         // Swapped views explain disparities at the end of the range.
         let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
         let cut = match is_swapped {
@@ -102,7 +103,7 @@ impl MatchSetup {
                 .or_else(|| inspection.beyond(search.min_disparity()..=search.max_disparity())),
         };
         let of_alignment = alignment.as_ref().and_then(Alignment::warning);
-        inspection.warnings(search.min_disparity()).into_iter().chain(of_alignment).chain(cut).collect()
+        none.into_iter().chain(inspection.warnings(search.min_disparity())).chain(of_alignment).chain(cut).collect()
     }
 }
 

@@ -14,7 +14,7 @@ use image::{DynamicImage, ImageFormat, Luma, Rgb};
 use multiscopic::{
     CameraModel, Picture, Rig,
     capture::Imperfections,
-    files::{FrameFiles, Limits},
+    files::{FrameFiles, Limits, MatchedImages},
     lens::Mount,
     target::reception,
 };
@@ -169,7 +169,8 @@ fn pictures() {
         let _ = Picture::read(path);
         let _ = Picture::brightest(&[path], Limits::DEFAULT);
         let _ = multiscopic::files::read_pfm(path);
-        let _ = multiscopic::files::read_prior(path, [13, 9], Limits::DEFAULT);
+        let images = MatchedImages { center: path, size: [13, 9], shown: Some(1..=9) };
+        let _ = multiscopic::files::read_disparities(path, Some(&images), Limits::DEFAULT);
     });
 }
 
@@ -193,6 +194,31 @@ fn restarts_of_a_jpeg_out_of_order_are_an_error() {
         let mut changed = whole.clone();
         changed[at + 1] ^= 1;
         assert!(!is_read(&changed), "the marker at {at}");
+    }
+}
+
+/// Cameras leave out tables and the end, and add bytes. Other decoders read what they write, and so does this one.
+#[test]
+fn whole_jpegs_of_cameras_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let read = |bytes: &[u8]| {
+        let path = folder.path().join("photo.jpg");
+        fs::write(&path, bytes).expect("a file");
+        Picture::read(&path)
+    };
+    for (name, whole) in jpegs() {
+        let expected = read(&whole).expect("a photo");
+        let data = &whole[..whole.len() - 2];
+        for trailer in [&b""[..], &[0; 300], b"\xFF", b"a trailer"] {
+            assert_eq!(read(&[data, trailer].concat()).ok(), Some(expected.clone()), "{name} without its end, {trailer:?}");
+        }
+        assert!(read(&whole[..whole.len() - 20]).is_err(), "{name}: its data are missing");
+        for surplus in [1, 9, 200] {
+            let is_restart = |at: usize| matches!(whole[at..], [0xFF, 0xD0..=0xD7, ..]);
+            let bytes = |at: usize| [vec![0x5A; if is_restart(at) { surplus } else { 0 }], vec![whole[at]]].concat();
+            let padded: Vec<u8> = (0..whole.len()).flat_map(bytes).collect();
+            assert_eq!(read(&padded).ok(), Some(expected.clone()), "{name} with {surplus} bytes before its restarts");
+        }
     }
 }
 

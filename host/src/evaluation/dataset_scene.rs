@@ -11,7 +11,10 @@ use multiscopic_core::Views;
 use super::dataset::Dataset;
 use crate::{
     error::{Error, Result},
-    files::{FrameFiles, Limits, image_codec},
+    files::{
+        FrameFiles, Limits, MatchedImages,
+        image_codec::{CodedFile, Decoded},
+    },
     images::{FloatImage, Frames, Picture},
 };
 
@@ -64,8 +67,11 @@ impl DatasetScene {
         let (frames, center) = Frames::load_each(&images, limits, |_| Ok(None))?;
         let path = self.truth();
         let truth = read_truth(self.dataset, &path, limits)?;
-        check_truth(&path, &truth, frames.size(), &images.center)?;
-        Ok((frames, center, truth))
+        MatchedImages { center: &images.center, size: frames.size(), shown: None }.check_size(&path, &truth)?;
+        match truth.pixels().iter().any(|d| d.is_finite()) {
+            true => Ok((frames, center, truth)),
+            false => Err(Error::format(&path, "no pixel with a disparity", "the ground truth of the centre image")),
+        }
     }
 }
 
@@ -120,35 +126,15 @@ fn read_truth(dataset: Dataset, path: &Path, limits: Limits) -> Result<FloatImag
     }
 }
 
-/// Reads the true disparities of an image of a size, from the file `center`: a PFM file in pixels, not finite where unknown.
-///
-/// # Errors
-/// [`Error::Read`], or [`Error::Format`] if it is no PFM file, the sizes differ, or no disparity is known.
-pub fn read_pfm(path: &Path, size: [usize; 2], center: &Path, limits: Limits) -> Result<FloatImage> {
-    let truth = crate::files::read_pfm_within(path, limits)?;
-    check_truth(path, &truth, size, center)?;
-    Ok(truth)
-}
-
-/// Refuses the ground truth in the file `path` if its size is not that of the image in `center`, or if no disparity is known.
-fn check_truth(path: &Path, truth: &FloatImage, [width, height]: [usize; 2], center: &Path) -> Result<()> {
-    let (w, h) = (truth.width(), truth.height());
-    if (w, h) != (width, height) {
-        let expected = format!("{width}x{height} as in {}", center.display());
-        return Err(Error::format(path, format!("disparities of {w}x{h} pixels"), expected));
-    }
-    match truth.pixels().iter().any(|d| d.is_finite()) {
-        true => Ok(()),
-        false => Err(Error::format(path, "no pixel with a disparity", "the ground truth of the centre image")),
-    }
-}
-
 /// Reads an 8-bit grey image of disparities times `scale`, 0 where unknown.
 fn read_gray(path: &Path, scale: f32, limits: Limits) -> Result<FloatImage> {
-    let gray = match image_codec::decode(path, &limits.read(path)?, limits)? {
-        DynamicImage::ImageLuma8(gray) => gray,
+    let gray = match CodedFile::new(path, &limits.read(path)?, limits)?.decode()? {
+        Decoded::Samples(DynamicImage::ImageLuma8(gray)) => gray,
         other => {
-            let found = format!("an image of {:?}", other.color());
+            let found = match other {
+                Decoded::Samples(image) => format!("an image of {:?}", image.color()),
+                Decoded::Numbers(_) => "a map of numbers".into(),
+            };
             return Err(Error::format(path, found, "disparities in an 8-bit grey image (L8)"));
         }
     };

@@ -12,9 +12,3 @@ pub use dataset_scene::DatasetScene;
 pub use depth_errors::{DepthErrors, TemporalNoise};
 pub use metrics::{ConfidenceMetrics, Metrics, Sparsification};
 pub use wall_metrics::{PlaneFit, WallMetrics, WallPlace};
-
-pub mod ground_truth {
-    //! Reading ground truth.
-
-    pub use super::dataset_scene::read_pfm;
-}

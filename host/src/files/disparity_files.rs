@@ -1,15 +1,17 @@
-//! Reading and writing disparity maps and depths: 16-bit PNG, and PFM, images of floating-point numbers as the Middlebury
-//! benchmark uses for disparities.
+//! Reading disparity maps, and writing them and depths as 16-bit PNG.
 
-use std::{path::Path, str::FromStr};
+use std::{fmt, ops::RangeInclusive, path::Path};
 
 use image::{DynamicImage, ImageBuffer, Luma};
 use multiscopic_core::Disparity;
 
-use super::{Limits, image_codec, output};
+use super::{
+    Limits,
+    image_codec::{self, CodedFile, Decoded, Numbers},
+};
 use crate::{
     error::{Error, Result},
-    images::{DisparityMap, FloatImage, Geometry, Raster},
+    images::{DisparityMap, FloatImage, Geometry},
 };
 
 /// Writes a 16-bit PNG file: 64 times the disparity plus 32768, or 0 where invalid. This is lossless.
@@ -33,139 +35,155 @@ pub fn write_depth_mm(map: &DisparityMap, geometry: &Geometry, path: &Path) -> R
     image_codec::write_png(path, &gray16(map.width(), map.height(), samples))
 }
 
-/// Reads a file that [`write_raw16`] wrote.
-///
-/// # Errors
-/// [`Error::Read`], or [`Error::Format`] if the file is damaged or is not a 16-bit grey image.
-pub fn read_raw16(path: &Path) -> Result<DisparityMap> {
-    read_raw16_within(path, Limits::DEFAULT)
+/// The numbers that a file has for disparities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DisparityEncoding {
+    /// Disparities in pixels.
+    Pixels,
+    /// 64 times the disparity plus 32768, and 0 where invalid, as [`write_raw16`] writes.
+    Raw16,
+    /// 256 times the disparity, and 0 where invalid.
+    Kitti,
+    /// 16 times the disparity, and 0 or less where invalid.
+    OpenCv,
 }
 
-fn read_raw16_within(path: &Path, limits: Limits) -> Result<DisparityMap> {
-    match image_codec::decode(path, &limits.read(path)?, limits)? {
-        DynamicImage::ImageLuma16(image) => {
-            let (width, height) = (image.width() as usize, image.height() as usize);
-            Ok(Raster::new(width, height, image.into_raw()).map(|&raw| Disparity::from_raw16(raw)))
-        }
-        other => {
-            let found = format!("an image of {:?}", other.color());
-            Err(Error::format(path, found, "disparities in a 16-bit grey image (L16)"))
+impl DisparityEncoding {
+    /// The disparity of a number, +inf where invalid.
+    fn disparity(self, number: f32) -> f32 {
+        let scaled = |number: f32, scale: f32| if number > 0.0 { number / scale } else { f32::INFINITY };
+        match self {
+            DisparityEncoding::Pixels => number,
+            DisparityEncoding::Raw16 => Disparity::from_raw16(number as u16).map_or(f32::INFINITY, f32::from),
+            DisparityEncoding::Kitti => scaled(number, 256.0),
+            // Signed numbers may be stored as if they had no sign.
+            DisparityEncoding::OpenCv => scaled(if number >= 32768.0 { number - 65536.0 } else { number }, 16.0),
         }
     }
 }
 
-/// Reads a file that [`write_raw16`] wrote, to search around its disparities in frames of
-/// `width` x `height` pixels. It has a size within `limits`.
+impl fmt::Display for DisparityEncoding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            DisparityEncoding::Pixels => "disparities in pixels",
+            DisparityEncoding::Raw16 => "64 times the disparity plus 32768, as multiscopic stores it",
+            DisparityEncoding::Kitti => "256 times the disparity, as KITTI stores it",
+            DisparityEncoding::OpenCv => "16 times the disparity, as OpenCV stores it",
+        })
+    }
+}
+
+/// The images that disparities should belong to.
+#[derive(Clone, Debug)]
+pub struct MatchedImages<'a> {
+    /// The file of the centre.
+    pub center: &'a Path,
+    /// Width and height.
+    pub size: [usize; 2],
+    /// The disparities that the images show, if they do, in pixels: those of [`Inspection::shown_range`](crate::Inspection).
+    pub shown: Option<RangeInclusive<i16>>,
+}
+
+/// The share of disparities within the range that the images show, below which a map belongs to others, or is of other numbers.
+const MIN_SHOWN: f64 = 0.25;
+/// The least median of disparities in [`DisparityEncoding::Raw16`], unless the images show others: cameras look ahead.
+const MIN_MEDIAN: f32 = -64.0;
+
+/// Reads disparities in pixels, not finite where unknown: a PFM, NPY, NPZ or TIFF file of real numbers, or whole ones of 16 bits
+/// in a PNG, TIFF or NPY file. Of these, the numbers tell the encoding: the only one with plausible disparities for `images`, if
+/// they are known.
 ///
 /// # Errors
-/// As [`read_raw16`], and [`Error::Format`] if the map has another size or no valid pixel.
-pub fn read_prior(path: &Path, [width, height]: [usize; 2], limits: Limits) -> Result<DisparityMap> {
-    let prior = read_raw16_within(path, limits)?;
-    let [w, h] = [prior.width(), prior.height()];
-    if [w, h] != [width, height] {
-        let expected = format!("{width}x{height} as the images have");
-        return Err(Error::format(path, format!("disparities of {w}x{h} pixels"), expected));
+/// [`Error::Read`], [`Error::PictureSize`], and [`Error::Format`] if the file has other contents or is damaged, the size is not
+/// that of the images, no pixel has a disparity, or most disparities are far from those that the images show.
+pub fn read_disparities(
+    path: &Path,
+    images: Option<&MatchedImages<'_>>,
+    limits: Limits,
+) -> Result<(FloatImage, DisparityEncoding)> {
+    use DisparityEncoding::{Kitti, OpenCv, Pixels, Raw16};
+    let (numbers, encodings, is_first_likely): (FloatImage, &[_], bool) =
+        match CodedFile::new(path, &limits.read(path)?, limits)?.decode()? {
+            Decoded::Numbers(Numbers { map, is_whole: false }) => (map, &[Pixels], true),
+            Decoded::Numbers(Numbers { map, is_whole: true }) => (map, &[Pixels, OpenCv, Kitti], false),
+            Decoded::Samples(DynamicImage::ImageLuma16(image)) => {
+                let numbers = image.as_raw().iter().map(|&sample| sample.into()).collect();
+                (FloatImage::new(image.width() as usize, image.height() as usize, numbers), &[Raw16, Kitti, OpenCv], true)
+            }
+            Decoded::Samples(other) => {
+                let found = format!("an image of {:?}", other.color());
+                let expected = "disparities: in pixels as PFM, NPY or TIFF of real numbers, or in a 16-bit grey image (L16)";
+                return Err(Error::format(path, found, expected));
+            }
+        };
+    if let Some(images) = images {
+        images.check_size(path, &numbers)?;
     }
-    if prior.range().is_none() {
-        return Err(Error::format(path, "no pixel with a disparity", "disparities to search around"));
+    let decoded = |&encoding: &DisparityEncoding| {
+        let map = numbers.map(|&number| encoding.disparity(number));
+        (median(&map), map, encoding)
+    };
+    let maps: Vec<(Option<f32>, FloatImage, DisparityEncoding)> = encodings.iter().map(decoded).collect();
+    let is_plausible = |(median, map, encoding): &(Option<f32>, FloatImage, DisparityEncoding)| {
+        let &Some(median) = median else { return images.is_none() };
+        let width = map.width() as f32;
+        match (images.and_then(|images| images.shown.as_ref()), encoding) {
+            (Some(shown), _) => share_within(map, shown) >= MIN_SHOWN,
+            (None, Pixels) => true,
+            (None, Raw16) => (MIN_MEDIAN..=width).contains(&median),
+            (None, Kitti | OpenCv) => median <= width / 4.0,
+        }
+    };
+    let plausible: Vec<usize> = (0..maps.len()).filter(|&i| is_plausible(&maps[i])).collect();
+    if let [i] | [i @ 0, ..] = plausible[..]
+        && (plausible.len() == 1 || is_first_likely)
+    {
+        let (_, map, encoding) = maps.into_iter().nth(i).expect("its place is among them");
+        return Ok((map, encoding));
     }
-    Ok(prior)
+    let medians: Vec<String> =
+        maps.iter().filter_map(|(median, _, encoding)| Some(format!("{:.1} ({encoding})", (*median)?))).collect();
+    if medians.is_empty() {
+        return Err(Error::format(path, "no pixel with a disparity", "the disparities of the centre image"));
+    }
+    let expected = match images.and_then(|images| images.shown.as_ref()) {
+        Some(shown) => format!("some from {} to {}, as the images show", shown.start(), shown.end()),
+        None => "one of these alone to be plausible".into(),
+    };
+    let found = format!("disparities near {} pixels", medians.join(", or "));
+    Err(Error::Format { path: path.into(), found, expected: format!("{expected}: store them in pixels, as PFM or NPY") })
+}
+
+impl MatchedImages<'_> {
+    /// Refuses a map of another size.
+    pub(crate) fn check_size(&self, path: &Path, map: &FloatImage) -> Result<()> {
+        let ([w, h], [width, height]) = ([map.width(), map.height()], self.size);
+        if [w, h] == self.size {
+            return Ok(());
+        }
+        let expected = format!("{width}x{height} as in {}", self.center.display());
+        Err(Error::format(path, format!("disparities of {w}x{h} pixels"), expected))
+    }
+}
+
+/// The median of the known disparities.
+fn median(map: &FloatImage) -> Option<f32> {
+    let mut known: Vec<f32> = map.pixels().iter().copied().filter(|d| d.is_finite()).collect();
+    let middle = known.len() / 2;
+    (!known.is_empty()).then(|| *known.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+/// The share of the known disparities in a range, or beyond it by half of it: images show it at their corners.
+fn share_within(map: &FloatImage, range: &RangeInclusive<i16>) -> f64 {
+    let [start, end] = [*range.start(), *range.end()].map(f32::from);
+    let margin = (0.5 * (end - start)).max(2.0);
+    let known = map.pixels().iter().filter(|d| d.is_finite());
+    let within = known.clone().filter(|&&d| (start - margin..=end + margin).contains(&d)).count();
+    within as f64 / known.count() as f64
 }
 
 fn gray16(width: usize, height: usize, samples: Vec<u16>) -> ImageBuffer<Luma<u16>, Vec<u16>> {
     ImageBuffer::from_raw(width as u32, height as u32, samples).expect("a sample for every pixel")
-}
-
-/// Reads a PFM file with one channel, in either byte order.
-///
-/// As in the Middlebury tools, the sign of the scale gives the byte order, and its magnitude is ignored. Rows come from the bottom,
-/// except in Photoshop's files, whose width and height have a line each.
-///
-/// # Errors
-/// [`Error::Read`], [`Error::Format`] if the file has another format, or is shorter or longer than its
-/// header says, and [`Error::PictureSize`] if it is too large.
-pub fn read_pfm(path: &Path) -> Result<FloatImage> {
-    read_pfm_within(path, Limits::DEFAULT)
-}
-
-/// Reads a PFM file as [`read_pfm`] does, of a size within `limits`.
-///
-/// # Errors
-/// Those of [`read_pfm`].
-pub fn read_pfm_within(path: &Path, limits: Limits) -> Result<FloatImage> {
-    decode_pfm(path, &limits.read(path)?, limits)
-}
-
-/// Writes a PFM file: rows from bottom to top, little-endian.
-///
-/// # Errors
-/// [`Error::Write`]. Any previous version of the file is unchanged.
-pub fn write_pfm(image: &FloatImage, path: &Path) -> Result<()> {
-    output::write(path, |writer| writer.write_all(&pfm_bytes(image)))
-}
-
-/// The bytes of a PFM file.
-pub fn pfm_bytes(image: &FloatImage) -> Vec<u8> {
-    let mut bytes = format!("Pf\n{} {}\n-1.0\n", image.width(), image.height()).into_bytes();
-    bytes.extend(image.rows().rev().flatten().flat_map(|value| value.to_le_bytes()));
-    bytes
-}
-
-/// Returns true if a file with these contents is a PFM file, grey or in colour.
-pub(crate) fn is_pfm(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"Pf") || bytes.starts_with(b"PF")
-}
-
-/// Decodes the contents of the file `path`.
-pub(crate) fn decode_pfm(path: &Path, bytes: &[u8], limits: Limits) -> Result<FloatImage> {
-    let expected = "a PFM file with one channel: Pf, width, height and scale, then the pixels";
-    let mut rest = bytes;
-    match next_word(&mut rest) {
-        Some("Pf") => {}
-        Some("PF") => return Err(Error::format(path, "a PFM file in colour (PF)", expected)),
-        _ => return Err(Error::format(path, "another kind of file", expected)),
-    }
-    let width = next_number(path, &mut rest, "width")?;
-    // Photoshop gives each side a line of its own, and writes the rows from the top.
-    let is_from_the_top = rest.iter().take_while(|byte| byte.is_ascii_whitespace()).any(|byte| b"\r\n".contains(byte));
-    let height = next_number(path, &mut rest, "height")?;
-    let scale: f32 = next_number(path, &mut rest, "scale")?;
-    if !scale.is_finite() || scale == 0.0 {
-        return Err(Error::format(path, format!("a PFM scale of {scale}"), "-1 (little-endian) or 1 (big-endian)"));
-    }
-    limits.check_size(path, width, height)?;
-    let (width, height) = (width as usize, height as usize);
-    let bytes = 4 * width * height;
-    // One white-space character ends the header. Some programs write several.
-    let blanks = rest.len().saturating_sub(bytes);
-    let Some((_, pixels)) =
-        rest.split_at_checked(blanks).filter(|(blanks, _)| !blanks.is_empty() && blanks.trim_ascii().is_empty())
-    else {
-        let found = format!("{} bytes of pixels", rest.len().saturating_sub(1));
-        return Err(Error::format(path, found, format!("{bytes} for {width}x{height} pixels")));
-    };
-
-    let value = if scale > 0.0 { f32::from_be_bytes } else { f32::from_le_bytes };
-    let mut rows: Vec<&[u8]> = pixels.chunks_exact(4 * width).collect();
-    if !is_from_the_top {
-        rows.reverse();
-    }
-    let pixels = rows.into_iter().flat_map(|row| row.as_chunks().0.iter().map(|&bytes| value(bytes))).collect();
-    Ok(FloatImage::new(width, height, pixels))
-}
-
-/// Takes the next word of the header, which white space ends, from the front of `rest`.
-fn next_word<'a>(rest: &mut &'a [u8]) -> Option<&'a str> {
-    let start = rest.trim_ascii_start();
-    let length = start.iter().position(u8::is_ascii_whitespace)?;
-    let (word, end) = start.split_at(length);
-    *rest = end;
-    str::from_utf8(word).ok()
-}
-
-fn next_number<T: FromStr>(path: &Path, rest: &mut &[u8], name: &str) -> Result<T> {
-    let word = next_word(rest).unwrap_or_default();
-    word.parse().map_err(|_| Error::format(path, format!("{word:?} as the {name} of a PFM file"), "a number"))
 }
 
 #[cfg(test)]
@@ -190,7 +208,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("raw.png");
         write_raw16(&map(), &path).unwrap();
-        assert_eq!(read_raw16(&path).unwrap(), map());
+        let (read, encoding) = read_disparities(&path, None, Limits::DEFAULT).unwrap();
+        assert_eq!((DisparityMap::from_float(&read), encoding), (map(), DisparityEncoding::Raw16));
         let image = image::open(&path).unwrap().into_luma16();
         assert_eq!(image.into_raw(), [32768 - 160, 0, 32768 + 3840, 32768, 65535, 1]);
     }
@@ -200,7 +219,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("color.png");
         Picture::Rgb(crate::images::turbo(&map(), None)).write_png(&path).unwrap();
-        let message = read_raw16(&path).unwrap_err().to_string();
+        let message = read_disparities(&path, None, Limits::DEFAULT).unwrap_err().to_string();
         assert!(message.contains("found an image of Rgb8, expected disparities"), "{message}");
     }
 
@@ -211,55 +230,5 @@ mod tests {
         crate::files::write_pfm(&map().to_float(), &path).unwrap();
         let read = crate::files::read_pfm(&path).unwrap();
         assert_eq!(read.pixels()[..4], [-2.5, f32::INFINITY, 60.0, 0.0]);
-    }
-
-    fn decode(bytes: &[u8]) -> Result<FloatImage> {
-        decode_pfm(Path::new("d.pfm"), bytes, Limits::DEFAULT)
-    }
-
-    fn message(bytes: &[u8]) -> String {
-        decode(bytes).unwrap_err().to_string()
-    }
-
-    #[test]
-    fn writing_and_reading_gives_the_same_image() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("d.pfm");
-        let image = FloatImage::new(3, 2, vec![1.5, -2.0, f32::INFINITY, 0.0, 1e30, 7.0]);
-        crate::files::write_pfm(&image, &path).unwrap();
-        assert_eq!(crate::files::read_pfm(&path).unwrap(), image);
-        let bytes = std::fs::read(&path).unwrap();
-        assert!(bytes.starts_with(b"Pf\n3 2\n-1.0\n\0\0\0\0"), "the bottom row comes first");
-        assert_eq!(bytes.len(), 12 + 24);
-    }
-
-    #[test]
-    fn both_byte_orders_and_any_white_space() {
-        let pixels = [0.5f32, 3.0];
-        let (little, big) = (pixels.map(f32::to_le_bytes).concat(), pixels.map(f32::to_be_bytes).concat());
-        for header in ["Pf\n1 2\n-1\n", "Pf 1  2\t-0.003922 ", "Pf\r\n1 2\r\n-1.0\r\n", "Pf\n1 2\n-1.0 \n"] {
-            assert_eq!(decode(&[header.as_bytes(), &little].concat()).unwrap().pixels(), [3.0, 0.5], "{header:?}");
-        }
-        assert_eq!(decode(&[b"Pf\n1 2\n1\n", &big[..]].concat()).unwrap().pixels(), [3.0, 0.5]);
-        for header in ["Pf\n1\n2\n-1.0\n", "Pf\r\n1\r\n2\r\n-1e3\r\n"] {
-            assert_eq!(decode(&[header.as_bytes(), &little].concat()).unwrap().pixels(), [0.5, 3.0], "{header:?} of Photoshop");
-        }
-        // The first pixel may consist of white-space characters.
-        assert_eq!(decode(b"Pf\n1 1\n-1\n\n\n\n\n").unwrap().pixels(), [f32::from_le_bytes([10; 4])]);
-    }
-
-    #[test]
-    fn says_what_is_wrong() {
-        assert!(message(b"PF\n1 1\n-1\n____________").starts_with("d.pfm: found a PFM file in colour"));
-        assert!(message(b"P5\n1 1\n255\n_").contains("another kind of file"));
-        assert!(message(b"Pf\n1 x\n-1\n____").contains("found \"x\" as the height of a PFM file"));
-        for scale in ["0", "nan", "inf", "", "-"] {
-            assert!(message(format!("Pf\n1 1\n{scale}\n").as_bytes()).contains("scale"));
-        }
-        for size in ["99999 99999", "4000000000 1", "4000000000 4000000000", "0 1", "65535 65535"] {
-            assert!(message(format!("Pf {size} -1\n").as_bytes()).contains("found a picture of "), "{size}");
-        }
-        assert!(message(b"Pf 2 1 -1\n_______").contains("found 7 bytes of pixels, expected 8"));
-        assert!(message(b"Pf 2 1 -1\n_________").contains("found 9 bytes"));
     }
 }

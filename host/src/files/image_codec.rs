@@ -1,65 +1,93 @@
-//! Reading and writing the formats of the `image` crate. Truncated and damaged files that the crate would accept are refused.
+//! Reading files of pictures and maps, and writing PNG. Truncated and damaged files that decoders would accept are refused.
 
 use std::{
     borrow::Cow,
+    fmt::Display,
     io::{self, Cursor},
     path::Path,
 };
 
 use image::{
     DynamicImage, EncodableLayout, ImageBuffer, ImageDecoder, ImageError, ImageFormat, ImageReader, PixelWithColorType,
-    codecs::{
-        png::PngEncoder,
-        pnm::{PnmDecoder, PnmSubtype, SampleEncoding},
-    },
-    metadata::Orientation,
+    codecs::png::PngEncoder, metadata::Orientation,
 };
 
-use super::jpeg_scans::codes::{END_OF_IMAGE, is_bare, next_marker, segment};
+use super::{Limits, file_kind::FileKind, jpeg_scans, netpbm::Netpbm, npy, output, pfm::decode_pfm, tiff_files::TiffFile};
 use crate::{
     caught::caught,
     error::{Error, Result},
-    files::{Limits, jpeg_scans, output},
+    images::FloatImage,
 };
 
-/// Decodes the contents of the file `path`. They decide the format, not the name. The picture is turned as its EXIF orientation
-/// says.
-pub(crate) fn decode(path: &Path, bytes: &[u8], limits: Limits) -> Result<DynamicImage> {
-    let file = CodedFile::new(path, bytes, limits)?;
-    file.caught(|| file.image())
+/// The contents of a file.
+pub(crate) enum Decoded {
+    /// Samples of 8 or 16 bits, turned upright.
+    Samples(DynamicImage),
+    /// Numbers of one channel.
+    Numbers(Numbers),
 }
 
-/// Returns true if the contents of the file `path` are samples of 16 bits without a word about which is white. PGM and PPM name
-/// the sample of white, and [`decode`] scales it to 65535, but 65535 is also what programs write that do not know.
-pub(crate) fn is_depth_unknown(path: &Path, bytes: &[u8], limits: Limits) -> Result<bool> {
-    let file = CodedFile::new(path, bytes, limits)?;
-    file.caught(|| {
-        let color = file.decoder()?.color_type();
-        let has_16_bits = color.bytes_per_pixel() == 2 * color.channel_count();
-        let white = || Netpbm::read(bytes).map(|netpbm| netpbm.white);
-        Ok(has_16_bits && (file.format != ImageFormat::Pnm || white() == Some(u16::MAX.into())))
-    })
+/// Real or signed numbers.
+pub(crate) struct Numbers {
+    /// The numbers.
+    pub(crate) map: FloatImage,
+    /// Set if the file's numbers are whole by their type.
+    pub(crate) is_whole: bool,
 }
 
-/// A file that is not decoded yet.
-struct CodedFile<'a> {
+/// A file that is not decoded yet. Its contents decide the format, not the name.
+pub(crate) struct CodedFile<'a> {
     path: &'a Path,
+    /// The file as it is.
     bytes: &'a [u8],
-    format: ImageFormat,
+    kind: FileKind,
+    /// The file as its decoder takes it, and the header of a PGM, PPM or PAM.
+    coded: (Cow<'a, [u8]>, Option<Netpbm>),
     limits: Limits,
 }
 
-impl CodedFile<'_> {
-    fn new<'a>(path: &'a Path, bytes: &'a [u8], limits: Limits) -> Result<CodedFile<'a>> {
-        match image::guess_format(bytes) {
-            Ok(format @ (ImageFormat::Png | ImageFormat::Pnm | ImageFormat::Jpeg)) => {
-                Ok(CodedFile { path, bytes, format, limits })
+impl<'a> CodedFile<'a> {
+    /// Tells the format of the contents of the file `path`.
+    pub(crate) fn new(path: &'a Path, bytes: &'a [u8], limits: Limits) -> Result<CodedFile<'a>> {
+        let kind = FileKind::of(path, bytes)?;
+        let coded = match kind {
+            FileKind::Image(ImageFormat::Png) => (without_metadata(bytes), None),
+            FileKind::Image(ImageFormat::Jpeg) => (jpeg_scans::with_tables(bytes), None),
+            FileKind::Image(ImageFormat::Pnm) => caught(|| Netpbm::read(bytes))
+                .ok()
+                .flatten()
+                .map_or((bytes.into(), None), |(header, bytes)| (bytes, Some(header))),
+            _ => (bytes.into(), None),
+        };
+        Ok(CodedFile { path, bytes, kind, coded, limits })
+    }
+
+    /// Returns true if the contents are samples of 16 bits without a word about which is white. PGM and PPM name the sample of
+    /// white, and [`decode`](CodedFile::decode) scales it to 65535, but 65535 is also what programs write that do not know.
+    pub(crate) fn is_depth_unknown(&self) -> Result<bool> {
+        self.caught(|| match self.kind {
+            FileKind::Image(format) => {
+                let color = self.decoder(format, &self.coded.0)?.color_type();
+                let has_16_bits = color.bytes_per_pixel() == 2 * color.channel_count();
+                Ok(has_16_bits && self.coded.1.as_ref().is_none_or(|header| header.white == u32::from(u16::MAX)))
             }
-            other => {
-                let found = other.map_or("an unknown kind of file".into(), |format| format!("a {format:?} image"));
-                Err(Error::format(path, found, "a PNG, PGM, PPM, JPEG or PFM image"))
+            FileKind::Tiff => TiffFile::new(self.path, self.bytes, self.limits)?.is_depth_unknown(),
+            FileKind::Pfm | FileKind::Npy | FileKind::Npz => Ok(false),
+        })
+    }
+
+    /// Decodes the contents. A picture is turned as its EXIF orientation says.
+    pub(crate) fn decode(&self) -> Result<Decoded> {
+        self.caught(|| match self.kind {
+            FileKind::Image(format) => self.image(format).map(Decoded::Samples),
+            FileKind::Tiff => TiffFile::new(self.path, self.bytes, self.limits)?.decode(),
+            FileKind::Pfm => {
+                let map = decode_pfm(self.path, self.bytes, self.limits)?;
+                Ok(Decoded::Numbers(Numbers { map, is_whole: false }))
             }
-        }
+            FileKind::Npy => npy::decode(self.path, self.bytes, self.limits).map(Decoded::Numbers),
+            FileKind::Npz => npy::decode_archive(self.path, self.bytes, self.limits).map(Decoded::Numbers),
+        })
     }
 
     /// Does what needs a decoder, which may panic.
@@ -67,31 +95,27 @@ impl CodedFile<'_> {
         caught(f).unwrap_or_else(|message| Err(self.damaged(&format_args!("the decoder gave up: {message}"))))
     }
 
-    fn image(&self) -> Result<DynamicImage> {
-        let mut decoder = self.decoder()?;
-        let (width, height) = decoder.dimensions();
-        if is_truncated(self.format, self.bytes, u64::from(width) * u64::from(height)) {
+    fn image(&self, format: ImageFormat) -> Result<DynamicImage> {
+        let (mut bytes, header) = (Cow::from(&*self.coded.0), &self.coded.1);
+        let (width, height) = self.decoder(format, &bytes)?.dimensions();
+        if is_truncated(format, &bytes, u64::from(width) * u64::from(height)) {
             return Err(self.damaged(&format_args!("data are missing for its {width}x{height} pixels")));
         }
-        if let Some(netpbm) = Netpbm::read(self.bytes).filter(|_| self.format == ImageFormat::Pnm) {
-            netpbm.check(self.path)?;
+        if let Some(header) = header {
+            header.check(self.path, &bytes)?;
         }
-        let orientation = self.orientation(&mut decoder);
+        if format == ImageFormat::Jpeg {
+            bytes = jpeg_scans::completed(&self.coded.0).map_err(|fault| self.damaged(&fault))?;
+        }
+        let mut decoder = self.decoder(format, &bytes)?;
+        let orientation = self.orientation(format, &mut decoder);
         let mut image = DynamicImage::from_decoder(decoder).map_err(|error| self.damaged(&error))?;
-        if self.format == ImageFormat::Jpeg {
-            jpeg_scans::check(self.bytes).map_err(|fault| self.damaged(&fault))?;
-        }
         image.apply_orientation(orientation);
         Ok(image)
     }
 
-    fn decoder(&self) -> Result<impl ImageDecoder> {
-        let bytes = match self.format {
-            ImageFormat::Png => without_metadata(self.bytes),
-            ImageFormat::Pnm => Netpbm::read(self.bytes).map_or(self.bytes.into(), |netpbm| netpbm.bytes),
-            _ => Cow::from(self.bytes),
-        };
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), self.format);
+    fn decoder<'b>(&self, format: ImageFormat, bytes: &'b [u8]) -> Result<impl ImageDecoder + use<'b>> {
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
         let mut limits = image::Limits::default();
         limits.max_alloc = Some(self.limits.max_picture_bytes());
         reader.limits(limits);
@@ -102,8 +126,8 @@ impl CodedFile<'_> {
     }
 
     /// Returns the turn that the picture needs. Damaged metadata say nothing.
-    fn orientation(&self, decoder: &mut impl ImageDecoder) -> Orientation {
-        let exif = match self.format {
+    fn orientation(&self, format: ImageFormat, decoder: &mut impl ImageDecoder) -> Orientation {
+        let exif = match format {
             // The decoder is not given metadata.
             ImageFormat::Png => png_chunks(self.bytes).find(|chunk| chunk.name == b"eXIf").map(|chunk| chunk.data.to_vec()),
             _ => decoder.exif_metadata().ok().flatten(),
@@ -111,13 +135,21 @@ impl CodedFile<'_> {
         exif.and_then(|exif| Orientation::from_exif_chunk(&exif)).unwrap_or(Orientation::NoTransforms)
     }
 
-    fn damaged(&self, cause: &dyn std::fmt::Display) -> Error {
-        let name = format!("{:?}", self.format).to_uppercase();
-        // Some decoders' messages have several lines.
-        let cause = cause.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-        let found = format!("a damaged or truncated {name} image ({cause})");
-        Error::format(self.path, found, "a complete one: copy or capture it again")
+    fn damaged(&self, cause: &dyn Display) -> Error {
+        let name = match self.kind {
+            FileKind::Image(format) => format!("{format:?}").to_uppercase(),
+            kind => format!("{kind:?}").to_uppercase(),
+        };
+        damaged(self.path, &name, cause)
     }
+}
+
+/// The error of a damaged file of the format `name`.
+pub(super) fn damaged(path: &Path, name: &str, cause: &dyn Display) -> Error {
+    // Some decoders' messages have several lines.
+    let cause = cause.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+    let found = format!("a damaged or truncated {name} image ({cause})");
+    Error::format(path, found, "a complete one: copy or capture it again")
 }
 
 /// Writes `image` as a PNG file.
@@ -135,64 +167,6 @@ where
             error => io::Error::other(error),
         })
     })
-}
-
-/// A PGM, PPM or PAM file.
-struct Netpbm<'a> {
-    /// The sample of white.
-    white: u32,
-    encoding: SampleEncoding,
-    /// Bytes of a binary sample.
-    sample_bytes: usize,
-    /// The number of samples.
-    samples: usize,
-    /// Length of the header.
-    start: usize,
-    /// The file, its header ended by a single character.
-    bytes: Cow<'a, [u8]>,
-}
-
-impl Netpbm<'_> {
-    /// Reads the header. `None` if that is damaged.
-    fn read(bytes: &[u8]) -> Option<Netpbm<'_>> {
-        let decoder = PnmDecoder::new(Cursor::new(bytes)).ok()?;
-        let total = usize::try_from(decoder.total_bytes()).ok()?;
-        let color = decoder.color_type();
-        let sample_bytes = usize::from(color.bytes_per_pixel() / color.channel_count());
-        let (cursor, header) = decoder.into_inner();
-        let (white, encoding, start) = (header.maximal_sample(), header.subtype().sample_encoding(), cursor.position() as usize);
-        // Programs in text mode end the header with CR LF, and the decoder takes LF for a sample: the file has one too many.
-        let is_crlf = start > 0 && bytes.get(start - 1..=start) == Some(b"\r\n");
-        let bytes = match is_crlf && matches!(header.subtype(), PnmSubtype::Graymap(_) | PnmSubtype::Pixmap(_)) {
-            true if bytes.len() - start > total => [&bytes[..start], &bytes[start + 1..]].concat().into(),
-            _ => bytes.into(),
-        };
-        Some(Netpbm { white, encoding, sample_bytes, samples: total / sample_bytes, start, bytes })
-    }
-
-    /// Checks that no sample is above white. The decoder scales them nevertheless.
-    fn check(&self, path: &Path) -> Result<()> {
-        let data = self.bytes.get(self.start..).unwrap_or_default();
-        let brightest = match (self.encoding, self.sample_bytes) {
-            (SampleEncoding::Ascii, _) => {
-                let words = data.split(u8::is_ascii_whitespace).filter_map(|word| str::from_utf8(word).ok()?.parse::<u32>().ok());
-                words.take(self.samples).max()
-            }
-            (SampleEncoding::Binary, 2) => {
-                data.as_chunks().0.iter().take(self.samples).map(|&bytes| u16::from_be_bytes(bytes).into()).max()
-            }
-            (SampleEncoding::Binary, _) => data.iter().take(self.samples).map(|&sample| sample.into()).max(),
-        };
-        match brightest {
-            // Bits have no maximum: theirs is what the decoder makes of them.
-            Some(brightest) if brightest > self.white && self.white > 1 => Err(Error::format(
-                path,
-                format!("a sample of {brightest} where the header's maximum is {}", self.white),
-                "none above it, the more significant byte of each first",
-            )),
-            _ => Ok(()),
-        }
-    }
 }
 
 const SIGNATURE_BYTES: usize = 8;
@@ -236,30 +210,16 @@ fn without_metadata(bytes: &[u8]) -> Cow<'_, [u8]> {
     [signature].into_iter().chain(critical).collect::<Vec<_>>().concat().into()
 }
 
-/// Returns true if the end marker is missing, or the file is too short for that many pixels.
+/// Returns true if the end is missing, or the file is too short for that many pixels.
 fn is_truncated(format: ImageFormat, bytes: &[u8], pixels: u64) -> bool {
     match format {
         ImageFormat::Png => !png_has_end(bytes),
         // Each block of 8x8 pixels takes at least one bit.
-        ImageFormat::Jpeg => !jpeg_has_end(bytes) || pixels > 8 * 64 * bytes.len() as u64,
+        ImageFormat::Jpeg => pixels > 8 * 64 * bytes.len() as u64,
         _ => false,
     }
 }
 
 fn png_has_end(bytes: &[u8]) -> bool {
     png_chunks(bytes).any(|chunk| chunk.name == b"IEND")
-}
-
-/// Follows the segments, and the coded data between them, to the marker at the end.
-fn jpeg_has_end(bytes: &[u8]) -> bool {
-    let mut rest = bytes;
-    while let Some((marker, after)) = next_marker(rest) {
-        rest = match (marker, segment(after)) {
-            (END_OF_IMAGE, _) => return true,
-            (marker, _) if is_bare(marker) => after,
-            (_, Some((_, after))) => after,
-            (_, None) => return false,
-        };
-    }
-    false
 }

@@ -2,22 +2,27 @@
 //! or it is not there.
 
 mod disparity_files;
+mod file_kind;
 mod frame_files;
 pub mod image_codec;
 pub mod input;
 mod jpeg_scans;
+mod netpbm;
 pub(crate) mod npy;
 pub mod output;
 mod pair_calibration;
+mod pfm;
 mod picture_files;
 pub mod ply;
 mod rig_file;
 #[cfg(feature = "mcap")]
 pub mod ros;
+mod tiff_files;
 
-pub use disparity_files::{pfm_bytes, read_pfm, read_pfm_within, read_prior, read_raw16, write_depth_mm, write_pfm, write_raw16};
+pub use disparity_files::{DisparityEncoding, MatchedImages, read_disparities, write_depth_mm, write_raw16};
 pub use frame_files::FrameFiles;
 pub use input::Limits;
 pub use npy::{write_npy, write_npz};
 pub use pair_calibration::PairCalibration;
+pub use pfm::{pfm_bytes, read_pfm, read_pfm_within, write_pfm};
 pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};

@@ -1,16 +1,23 @@
 //! NPY and NPZ files: arrays as numpy stores them, of images and of what the network is trained by.
 
 use std::{
-    io::{self, Write},
+    io::{self, Cursor, Read, Write},
     path::Path,
 };
 
 use multiscopic_core::network::{CANDIDATE_CHANNELS, MEASURES};
 use multiscopic_engine::network::Inputs;
-use zip::{ZipWriter, write::SimpleFileOptions};
+use zip::{ZipArchive, ZipWriter, write::SimpleFileOptions};
 
-use super::output;
-use crate::{error::Result, images::FloatImage};
+use super::{
+    Limits,
+    image_codec::{Numbers, damaged},
+    output,
+};
+use crate::{
+    error::{Error, Result},
+    images::FloatImage,
+};
 
 /// Writes a file that `numpy.load` reads as an array of `float32`, by row and column.
 ///
@@ -96,6 +103,71 @@ fn header(number: Number, shape: &[usize]) -> Vec<u8> {
     header.extend(std::iter::repeat_n(b' ', padding));
     header.push(b'\n');
     header
+}
+
+/// Decodes the array in the NPY file `path`, of numbers by row and column.
+pub(super) fn decode(path: &Path, bytes: &[u8], limits: Limits) -> Result<Numbers> {
+    let Some((text, data)) = split(bytes) else { return Err(damaged(path, "NPY", &"its header is incomplete")) };
+    let value = |key: &str| Some(text.split_once(&format!("'{key}':"))?.1.trim_start());
+    let shape = value("shape").and_then(|value| value.strip_prefix('(')?.split_once(')')).map_or("", |(shape, _)| shape);
+    let sides: Vec<u32> = shape.split(',').filter_map(|side| side.trim().parse().ok()).collect();
+    let is_flat = sides.len() <= 2;
+    let sides: Vec<u32> = sides.into_iter().filter(|&side| is_flat || side != 1).collect();
+    let descr = value("descr").and_then(|value| value.strip_prefix('\'')?.split_once('\'')).map_or("", |(descr, _)| descr);
+    let (order, kind, size) = match *descr.as_bytes() {
+        [order, kind @ (b'u' | b'i'), size @ (b'1' | b'2' | b'4' | b'8')] => (order, kind, usize::from(size - b'0')),
+        [order, b'f', size @ (b'4' | b'8')] => (order, b'f', usize::from(size - b'0')),
+        _ => (b' ', b' ', 0),
+    };
+    let (&[height, width], 1..) = (&sides[..], size) else {
+        let expected = "numbers by row and column: 2 dimensions, of float32, float64 or whole numbers";
+        return Err(Error::format(path, format!("an array of ({shape}) {descr}"), expected));
+    };
+    limits.check_size(path, width, height)?;
+    let (width, height) = (width as usize, height as usize);
+    if data.len() != width * height * size {
+        let cause = format!("{} bytes of data, and ({shape}) {descr} takes {}", data.len(), width * height * size);
+        return Err(damaged(path, "NPY", &cause));
+    }
+    let number = |bytes: &[u8]| {
+        let append = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
+        let bits = if order == b'>' { bytes.iter().fold(0, append) } else { bytes.iter().rev().fold(0, append) };
+        match (kind, size) {
+            (b'f', 4) => f32::from_bits(bits as u32),
+            (b'f', _) => f64::from_bits(bits) as f32,
+            (b'i', _) => ((bits << (64 - 8 * size)) as i64 >> (64 - 8 * size)) as f32,
+            _ => bits as f32,
+        }
+    };
+    let numbers: Vec<f32> = data.chunks_exact(size).map(number).collect();
+    let is_by_column = value("fortran_order").is_some_and(|value| value.starts_with("True"));
+    let place = |i: usize| if is_by_column { i % width * height + i / width } else { i };
+    let map = FloatImage::new(width, height, (0..numbers.len()).map(|i| numbers[place(i)]).collect());
+    Ok(Numbers { map, is_whole: kind != b'f' })
+}
+
+/// Decodes the only array in the NPZ file `path`.
+pub(super) fn decode_archive(path: &Path, bytes: &[u8], limits: Limits) -> Result<Numbers> {
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| damaged(path, "NPZ", &error))?;
+    if archive.len() != 1 || !archive.file_names().all(|name| name.is_ok_and(|name| name.ends_with(".npy"))) {
+        let found = format!("an archive of {} files", archive.len());
+        return Err(Error::format(path, found, "an archive of one array, disparity.npy, as `-o OUT.npz` writes it"));
+    }
+    let mut array = Vec::new();
+    let file = archive.by_index(0).map_err(|error| damaged(path, "NPZ", &error))?;
+    file.take(limits.max_picture_bytes()).read_to_end(&mut array).map_err(|error| damaged(path, "NPZ", &error))?;
+    decode(path, &array, limits)
+}
+
+/// Splits an NPY file into the text of its header and its data. `None` if the header is incomplete.
+fn split(bytes: &[u8]) -> Option<(&str, &[u8])> {
+    let (start, rest) = bytes.split_at_checked(8)?;
+    let (length, rest) = match start[6] {
+        1 => rest.split_first_chunk().map(|(length, rest)| (u16::from_le_bytes(*length).into(), rest))?,
+        _ => rest.split_first_chunk().map(|(length, rest)| (u32::from_le_bytes(*length) as usize, rest))?,
+    };
+    let (text, data) = rest.split_at_checked(length)?;
+    Some((str::from_utf8(text).ok()?, data))
 }
 
 #[cfg(test)]

@@ -135,7 +135,8 @@ fn a_jpeg_frame_needs_no_huffman_tables() {
 #[test]
 fn a_frame_that_is_not_jpeg_is_an_error() {
     let (layout, bytes, _) = jpeg();
-    for length in 0..bytes.len() {
+    // Without the marker at its end, a frame is whole.
+    for length in 0..bytes.len() - 2 {
         assert!(matches!(layout.to_gray(&bytes[..length]), Err(CameraFault::Jpeg { .. })), "{length} of {} bytes", bytes.len());
     }
     let other = FrameLayout { size: [9, 23], ..layout };

@@ -3,7 +3,7 @@
 #[cfg(feature = "calibration")]
 use multiscopic::calibration::{BoardMiss, LensCalibrationError};
 use multiscopic::{
-    DisparityMap, Error, Inspection, MatchSetup,
+    DisparityMap, Error, Geometry, Inspection, MatchSetup,
     error::{MountingError, Warning},
 };
 use multiscopic_core::SearchSpace;
@@ -24,9 +24,24 @@ pub fn warnings(preparation: &MatchSetup, disparities: &DisparityMap, search: &S
     preparation.warnings(disparities, search).iter().map(warning).collect()
 }
 
+/// The message if no pixel of a frame from the firmware's pipeline has a disparity.
+pub fn no_disparity(disparities: &DisparityMap) -> Option<&'static str> {
+    let is_empty = disparities.range().is_none();
+    is_empty.then_some("no pixel has a disparity: look at the images, and choose a profile with the disparities that they show")
+}
+
+/// The message if disparities have no depth, though there are some.
+pub fn no_depth(disparities: &DisparityMap, geometry: &Geometry) -> Option<&'static str> {
+    let has_depth = geometry.depths(disparities).pixels().iter().any(|depth| depth.is_finite());
+    (!has_depth && disparities.range().is_some()).then_some(
+        "no pixel has a depth, since all disparities plus doffs are 0 or less: check the order of the views, and --doffs",
+    )
+}
+
 /// The message of a warning.
 pub fn warning(warning: &Warning) -> String {
     match warning {
+        Warning::NoDisparity => format!("{warning} (--auto-range, --min-confidence)"),
         Warning::Distorted => format!("{warning} (multiscopic calibrate lens)"),
         Warning::PileAtLast { num_disparities, .. } => {
             format!("{warning}: give --num-disparities above {num_disparities}, or --auto-range")

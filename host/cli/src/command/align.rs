@@ -40,7 +40,7 @@ pub struct Align {
     output: Option<PathBuf>,
 
     /// Page with the matches of each view and their epipolar errors before and after rectification
-    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html())]
     report: Option<PathBuf>,
 
     /// Print JSON instead of a table

@@ -19,7 +19,7 @@ use serde::Serialize;
 #[cfg(unix)]
 use super::raw_port;
 use super::{
-    limits,
+    advice, limits,
     options::{MapFiles, output_file},
     terminal,
 };
@@ -45,7 +45,7 @@ pub struct Listen {
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
     /// needs firmware that sends them, such as that of the profile qvga-confidence
-    #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png)]
+    #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png())]
     confidence: Option<PathBuf>,
 
     /// Print the summary as one JSON object on standard output
@@ -135,6 +135,7 @@ impl Listen {
             Ok(())
         })?;
         self.maps.print(&received.disparities)?;
+        advice::no_disparity(&received.disparities).into_iter().for_each(terminal::warn);
         let summary = Summary::new(&received, flaws);
         match self.json {
             true => terminal::print_report(&summary, true)?,

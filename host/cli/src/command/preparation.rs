@@ -1,13 +1,17 @@
 //! Steps between reading frames and matching them.
 
+use std::path::Path;
+
 use multiscopic::{
-    Alignment, DisparityMap, Frames, Geometry, MatchSetup, Result,
+    Alignment, DisparityMap, FloatImage, Frames, Geometry, MatchSetup, Result,
+    files::{self, DisparityEncoding, MatchedImages},
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
 use multiscopic_core::SearchSpace;
 
 use super::{
+    limits,
     options::{MemoryOptions, PreparationOptions, Source},
     terminal,
 };
@@ -49,6 +53,15 @@ pub fn say_if_much(what: &str, bytes: u64) {
     if megabytes >= MUCH {
         terminal::say(&format!("{what} takes about {megabytes} MB of memory"));
     }
+}
+
+/// Reads the disparities of `images`, or of unknown ones. Tells if they are encoded as other programs do.
+pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>) -> Result<FloatImage> {
+    let (map, encoding) = files::read_disparities(path, images, limits())?;
+    if matches!(encoding, DisparityEncoding::Kitti | DisparityEncoding::OpenCv) {
+        terminal::say(&format!("{} has {encoding}", path.display()));
+    }
+    Ok(map)
 }
 
 /// Invalidates the pixels that the undistorted centre does not show.

@@ -19,7 +19,7 @@ use multiscopic_edge::{Matching, Profile, profile};
 use serde::Serialize;
 
 use super::{
-    limits,
+    advice, limits,
     options::{SourceOptions, named, output_file},
     terminal,
 };
@@ -47,12 +47,12 @@ pub struct Simulate {
     json: bool,
 
     /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy, OUT.npz)
-    #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output", value_parser = output_file::floats)]
+    #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output", value_parser = output_file::floats())]
     output: Option<PathBuf>,
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
     /// needs a profile that computes them: qvga-confidence, qqvga-sgm-confidence or qqvga-net
-    #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png)]
+    #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png())]
     confidence: Option<PathBuf>,
 
     /// Packets as the firmware sends them, except that the last one lacks the stack depth, which is unknown here
@@ -87,6 +87,7 @@ impl Simulate {
                 self.output
                     .iter()
                     .try_for_each(|path| output_file::write_floats(&received.disparities.to_float(), path, "disparity"))?;
+                advice::no_disparity(&received.disparities).into_iter().for_each(terminal::warn);
                 if let (Some(path), Some(confidences)) = (&self.confidence, &received.confidences) {
                     Picture::from(confidences).write_png(path)?;
                 }

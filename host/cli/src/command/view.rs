@@ -12,8 +12,7 @@ use std::{
 use clap::{Args, FromArgMatches};
 use multiscopic::{
     DisparityMap, Error, FloatImage, Method, Picture, Result, Rig,
-    evaluation::ground_truth,
-    files::output,
+    files::{MatchedImages, output},
     stereo::{BaselineRefinement, CostFunction, MethodName, Pipeline, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::{Frame, SearchSpace};
@@ -24,7 +23,7 @@ use super::{
         BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, PreparationOptions, SearchOptions, Source, named,
         output_file,
     },
-    preparation::{mask_unseen, prepare},
+    preparation::{mask_unseen, prepare, read_disparities},
     scene::{TRUTH_FILE_NAME, truth_file},
     terminal,
 };
@@ -40,12 +39,12 @@ use crate::report::{BlockCosts, Report, ViewedMap, ViewedScene};
 /// out.
 #[derive(Debug, Args)]
 pub struct View {
-    /// Captured folder with a rig.toml, a folder with disparity maps, or a disparity map
-    #[arg(value_name = "RIG_DIR|DIR|FILE.pfm")]
+    /// Captured folder with a rig.toml, a folder with disparity maps, or a disparity map: PFM, NPY, NPZ, TIFF, or 16-bit PNG
+    #[arg(value_name = "RIG_DIR|DIR|FILE")]
     path: PathBuf,
 
     /// The page [default: view.html in the folder, or FILE.html beside FILE.pfm]
-    #[arg(short, long, value_name = "OUT.html", value_parser = output_file::html)]
+    #[arg(short, long, value_name = "OUT.html", value_parser = output_file::html())]
     output: Option<PathBuf>,
 
     /// Write the page, and do not open it; it is never opened unless messages go to a terminal
@@ -138,7 +137,8 @@ impl View {
         // Maps in files are of the frames as they were.
         let files = if preparation.alignment.is_some() { Vec::new() } else { read_maps(folder, Some(size))? };
         output::check(&[output], &files.iter().map(|map| &*map.path).collect::<Vec<_>>())?;
-        let truth = truth(folder, size, &source.images.center)?.map(|truth| preparation.truth(truth));
+        let images = MatchedImages { center: &source.images.center, size, shown: preparation.inspection.shown_range() };
+        let truth = truth(folder, &images)?.map(|truth| preparation.truth(truth));
         let methods = if self.methods.is_empty() && files.is_empty() { &[MethodName::Bm][..] } else { &self.methods };
         let engine = self.engine.engine()?;
         let mut matched = Vec::new();
@@ -176,10 +176,10 @@ fn maps_page(folder: &Path, output: &Path) -> Result<Report> {
         return Err(Error::Format {
             path: folder.into(),
             found: "a folder without disparity maps".into(),
-            expected: format!("a captured folder with a {}, or PFM files as `multiscopic match -o` writes them", Rig::FILE_NAME),
+            expected: format!("a captured folder with a {}, or files that `multiscopic match -o` writes", Rig::FILE_NAME),
         });
     };
-    let truth = truth(folder, first.size(), &first.path)?;
+    let truth = truth(folder, &MatchedImages { center: &first.path, size: first.size(), shown: None })?;
     let scene = ViewedScene::new(title(folder), first.size()).with_truth(truth.as_ref());
     Ok(page(&title(folder), scene, maps.iter().map(MapFile::viewed)))
 }
@@ -189,9 +189,9 @@ fn page<'a>(title: &str, mut scene: ViewedScene, maps: impl IntoIterator<Item = 
     Report::new(title).viewer(&command_line(), &[scene])
 }
 
-/// The true disparities in a folder, if they are there. `center` has their size.
-pub fn truth(folder: &Path, size: [usize; 2], center: &Path) -> Result<Option<FloatImage>> {
-    truth_file(folder).map(|path| ground_truth::read_pfm(&path, size, center, limits())).transpose()
+/// The true disparities of images in a folder, if they are there.
+pub fn truth(folder: &Path, images: &MatchedImages<'_>) -> Result<Option<FloatImage>> {
+    truth_file(folder).map(|path| read_disparities(&path, Some(images))).transpose()
 }
 
 /// The last part of a path, or the path.
@@ -209,7 +209,7 @@ struct MapFile {
 impl MapFile {
     /// Reads a map, and its confidences if they are beside it.
     fn read(path: &Path) -> Result<MapFile> {
-        let disparities = DisparityMap::from_float(&multiscopic::files::read_pfm_within(path, limits())?);
+        let disparities = DisparityMap::from_float(&read_disparities(path, None)?);
         let beside = path.with_file_name(format!("{}-confidence.png", stem(path)));
         let confidences = if beside.is_file() { confidences(&beside, &disparities)? } else { None };
         Ok(MapFile { path: path.into(), disparities, confidences })
@@ -257,8 +257,8 @@ fn read_maps(folder: &Path, size: Option<[usize; 2]>) -> Result<Vec<MapFile>> {
 
 /// Returns true if a file is a disparity map other than the truth, by its name.
 fn is_map(path: &Path) -> bool {
-    let is_pfm = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("pfm"));
-    is_pfm && !path.ends_with(TRUTH_FILE_NAME) && !stem(path).contains("depth")
+    let is_written = ["pfm", "npy", "npz"].iter().any(|end| output_file::ends_in(path, end));
+    is_written && !path.ends_with(TRUTH_FILE_NAME) && !stem(path).contains("depth")
 }
 
 fn stem(path: &Path) -> String {

@@ -88,9 +88,9 @@ impl<'a> BlockReader<'a> {
         self.bits.restart(number)
     }
 
-    /// Returns what follows the last block.
-    pub fn finish(mut self) -> Result<&'a [u8], Fault> {
-        self.bits.finish()
+    /// Ends the scan, as [`BitReader::finish`] does.
+    pub fn finish(self, is_last: bool) -> Result<(&'a [u8], Vec<Surplus<'a>>), Fault> {
+        self.bits.finish(is_last)
     }
 }
 
@@ -99,21 +99,29 @@ const TOO_MANY: Fault = "more coefficients than a block has";
 /// The fault in coded data.
 pub type Fault = &'static str;
 
+/// Bytes that no code needs, to the end of the file, and their number.
+pub type Surplus<'a> = (&'a [u8], usize);
+
 /// Some cameras add bytes at the end of a scan, which decoders skip. Up to so many, hardly less damage is noticed.
 const MAX_SURPLUS_BYTES: usize = 8;
 
+const LEFT_OVER: Fault = "data are left over in a scan";
+
 /// Reads the bits between two markers.
 pub struct BitReader<'a> {
+    /// All bytes from the start of the scan on.
+    data: &'a [u8],
     /// The bytes that are not read, beginning with coded data.
     rest: &'a [u8],
     /// Bits that are read and not used, from the highest on.
     bits: u64,
     count: usize,
+    surplus: Vec<Surplus<'a>>,
 }
 
 impl<'a> BitReader<'a> {
     pub fn new(data: &'a [u8]) -> BitReader<'a> {
-        BitReader { rest: data, bits: 0, count: 0 }
+        BitReader { data, rest: data, bits: 0, count: 0, surplus: Vec::new() }
     }
 
     /// Reads the next symbol.
@@ -161,22 +169,55 @@ impl<'a> BitReader<'a> {
 
     /// Goes on after the restart marker with this number, which must follow.
     pub fn restart(&mut self, number: usize) -> Result<(), Fault> {
-        match next_marker(self.finish()?) {
+        // Damage rarely leaves both codes that end at a byte and the marker that is due.
+        let most = if self.is_at_end_of_byte() { usize::MAX } else { MAX_SURPLUS_BYTES };
+        match next_marker(self.end(most)?) {
             Some((marker, rest)) if usize::from(marker) == 0xD0 + number % 8 => {
-                *self = BitReader::new(rest);
+                (self.rest, self.bits, self.count) = (rest, 0, 0);
                 Ok(())
             }
             _ => Err("a restart marker is missing in a scan"),
         }
     }
 
-    /// Returns what follows the last code, which is a marker.
-    pub fn finish(&mut self) -> Result<&'a [u8], Fault> {
-        let mut surplus = self.count / 8;
-        while surplus <= MAX_SURPLUS_BYTES && self.next_byte().is_some() {
-            surplus += 1;
+    /// Returns what follows the last code, which is a marker, and all surplus. After the last scan of a picture without a marker
+    /// at its end, all is surplus.
+    pub fn finish(mut self, is_last: bool) -> Result<(&'a [u8], Vec<Surplus<'a>>), Fault> {
+        let after = self.after_codes();
+        let has_end = after.windows(2).any(|pair| pair == [0xFF, END_OF_IMAGE]);
+        let rest = if is_last && !has_end && self.is_at_end_of_byte() {
+            self.surplus.push((after, after.len()));
+            &[]
+        } else {
+            self.end(MAX_SURPLUS_BYTES)?
+        };
+        Ok((rest, self.surplus))
+    }
+
+    /// Returns the next marker and what follows it, after at most so many bytes of surplus.
+    fn end(&mut self, most: usize) -> Result<&'a [u8], Fault> {
+        let after = self.after_codes();
+        let surplus = after.windows(2).position(|pair| pair[0] == 0xFF && pair[1] != 0).unwrap_or(after.len());
+        if surplus > most {
+            return Err(LEFT_OVER);
         }
-        if surplus <= MAX_SURPLUS_BYTES { Ok(self.rest) } else { Err("data are left over in a scan") }
+        self.surplus.push((after, surplus));
+        Ok(&after[surplus..])
+    }
+
+    /// Returns true if the bits between the last code and the end of its byte are 1, as they should be.
+    fn is_at_end_of_byte(&self) -> bool {
+        self.bits.leading_ones() as usize >= self.count % 8
+    }
+
+    /// Returns the bytes after the one in which the last code ends.
+    fn after_codes(&self) -> &'a [u8] {
+        let mut end = self.data.len() - self.rest.len();
+        for _ in 0..self.count / 8 {
+            // 0 follows 0xFF in coded data.
+            end -= if self.data[..end].ends_with(&[0xFF, 0]) { 2 } else { 1 };
+        }
+        &self.data[end..]
     }
 }
 

@@ -3,41 +3,95 @@
 //! Each scan has codes for a known number of blocks, and nothing else before the next marker. Damage almost always shifts the
 //! codes that follow, which then end too early or too late. What it leaves in step, such as a changed bit of a coefficient,
 //! cannot be told.
+//!
+//! Cameras leave out tables, add bytes to scans, and forget the end. What is whole nevertheless is completed for the decoder.
 
-pub(super) mod codes;
+mod codes;
+mod standard_tables;
 
-use std::ops::RangeInclusive;
+use std::{borrow::Cow, ops::RangeInclusive};
 
-use codes::{BitReader, BlockReader, END_OF_IMAGE, Fault, HuffmanTable, START_OF_SCAN, is_bare, next_marker, segment};
+use codes::{BitReader, BlockReader, END_OF_IMAGE, Fault, HuffmanTable, START_OF_SCAN, Surplus, is_bare, next_marker, segment};
+use standard_tables::STANDARD_TABLES;
 
 const BLOCK_SIDE: usize = 8;
+const HUFFMAN_TABLES: u8 = 0xC4;
 
-/// Checks the scans of a JPEG file.
-///
-/// # Errors
-/// A scan is damaged. What cannot be checked passes: arithmetic coding, and files without the tables of their codes.
-pub fn check(bytes: &[u8]) -> Result<(), Fault> {
-    let (mut file, mut rest) = (JpegFile::default(), bytes.get(2..).unwrap_or_default());
+const NO_END: Fault = "data are missing";
+
+/// Adds the standard tables to a file that defines none before its first scan.
+pub fn with_tables(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let mut rest = bytes.get(2..).unwrap_or_default();
     while let Some((marker, after)) = next_marker(rest) {
         rest = match (marker, segment(after)) {
+            (START_OF_SCAN, _) => return [&bytes[..2], &STANDARD_TABLES, &bytes[2..]].concat().into(),
+            (HUFFMAN_TABLES | END_OF_IMAGE, _) => break,
             (marker, _) if is_bare(marker) => after,
-            (END_OF_IMAGE, _) | (_, None) => break,
-            (START_OF_SCAN, Some((header, data))) => match file.scan(header) {
-                Some(scan) => file.check_scan(&scan, data)?,
-                None => break,
-            },
-            (_, Some((segment, after))) => match file.read_segment(marker, segment) {
-                Some(()) => after,
-                None => break,
-            },
+            (_, Some((_, after))) => after,
+            (_, None) => break,
         };
     }
-    Ok(())
+    bytes.into()
+}
+
+/// Checks the scans of a JPEG file. Returns it without the bytes that no scan needs, and with its end.
+///
+/// # Errors
+/// A scan is damaged or missing. What cannot be checked passes if it has an end: arithmetic coding, and files without some of
+/// the tables of their codes.
+pub fn completed(bytes: &[u8]) -> Result<Cow<'_, [u8]>, Fault> {
+    let (mut file, mut rest) = (JpegFile::default(), bytes.get(2..).unwrap_or_default());
+    while let Some((marker, after)) = next_marker(rest) {
+        let checked = match (marker, segment(after)) {
+            (END_OF_IMAGE, _) => break,
+            (marker, _) if is_bare(marker) => Some(after),
+            (_, None) => return Err(NO_END),
+            (START_OF_SCAN, Some((header, data))) => match file.scan(header) {
+                Some(scan) => Some(file.check_scan(&scan, data)?),
+                None => None,
+            },
+            (_, Some((segment, after))) => file.read_segment(marker, segment).map(|()| after),
+        };
+        match checked {
+            Some(after) => rest = after,
+            None if has_end(after) => return Ok(bytes.into()),
+            None => return Err(NO_END),
+        }
+    }
+    let has_end = next_marker(rest).is_some();
+    if !has_end && !file.is_complete() {
+        return Err(NO_END);
+    }
+    if has_end && file.surplus.iter().all(|(_, count)| *count == 0) {
+        return Ok(bytes.into());
+    }
+    let (mut parts, mut start) = (Vec::new(), 0);
+    for (after, count) in file.surplus {
+        let end = bytes.len() - after.len();
+        parts.push(&bytes[start..end]);
+        start = end + count;
+    }
+    parts.extend([&bytes[start..], &[0xFF, END_OF_IMAGE]]);
+    Ok(parts.concat().into())
+}
+
+/// Follows the segments, and the coded data between them, to the marker at the end.
+fn has_end(bytes: &[u8]) -> bool {
+    let mut rest = bytes;
+    while let Some((marker, after)) = next_marker(rest) {
+        rest = match (marker, segment(after)) {
+            (END_OF_IMAGE, _) => return true,
+            (marker, _) if is_bare(marker) => after,
+            (_, Some((_, after))) => after,
+            (_, None) => return false,
+        };
+    }
+    false
 }
 
 /// The part of a file that has been read.
 #[derive(Default)]
-struct JpegFile {
+struct JpegFile<'a> {
     /// Width and height in pixels.
     size: [usize; 2],
     is_progressive: bool,
@@ -46,6 +100,7 @@ struct JpegFile {
     tables: [[Option<HuffmanTable>; 4]; 2],
     /// The units from one restart to the next, 0 without restarts.
     restart_interval: usize,
+    surplus: Vec<Surplus<'a>>,
 }
 
 struct Component {
@@ -54,6 +109,8 @@ struct Component {
     sampling: [usize; 2],
     /// For each block, a bit for each coefficient that is not 0. Refinements depend on it.
     nonzero: Vec<u64>,
+    /// A bit for each coefficient whose last bit is known.
+    known: u64,
 }
 
 /// The header of a scan.
@@ -61,6 +118,8 @@ struct Scan {
     components: Vec<ScanComponent>,
     coefficients: RangeInclusive<u32>,
     is_refinement: bool,
+    /// Set if no refinement follows.
+    is_exact: bool,
 }
 
 struct ScanComponent {
@@ -69,12 +128,12 @@ struct ScanComponent {
     tables: [usize; 2],
 }
 
-impl JpegFile {
+impl<'a> JpegFile<'a> {
     /// Reads a segment that is no scan. `None` if its kind is unknown or its data are not valid, which the decoder tells.
     fn read_segment(&mut self, marker: u8, segment: &[u8]) -> Option<()> {
         match marker {
             0xC0..=0xC2 => self.read_frame(marker == 0xC2, segment),
-            0xC4 => self.read_tables(segment),
+            HUFFMAN_TABLES => self.read_tables(segment),
             0xC3 | 0xC5..=0xCF => None,
             0xDD => {
                 self.restart_interval = u16::from_be_bytes(*segment.first_chunk()?).into();
@@ -90,7 +149,7 @@ impl JpegFile {
         self.is_progressive = is_progressive;
         let component = |&[id, sampling, _]: &[u8; 3]| {
             let sampling = [sampling >> 4, sampling & 15].map(usize::from);
-            Component { id, sampling, nonzero: Vec::new() }
+            Component { id, sampling, nonzero: Vec::new(), known: 0 }
         };
         self.components = components.as_chunks().0.iter().map(component).collect();
         let is_valid = |component: &Component| component.sampling.iter().all(|side| (1..=4).contains(side));
@@ -115,6 +174,7 @@ impl JpegFile {
         let &[first, last, approximation] = rest.first_chunk()?;
         let coefficients = if self.is_progressive { first.into()..=last.into() } else { 0..=63 };
         let is_refinement = self.is_progressive && approximation >> 4 > 0;
+        let is_exact = !self.is_progressive || approximation & 15 == 0;
         let component = |&[id, tables]: &[u8; 2]| {
             let index = self.components.iter().position(|component| component.id == id)?;
             let tables = [tables >> 4, tables & 15].map(usize::from);
@@ -129,11 +189,16 @@ impl JpegFile {
             (true, 1) => first <= last && last < 64 && (first == 0) == (last == 0),
             (true, _) => (first, last) == (0, 0),
         };
-        is_valid.then_some(Scan { components, coefficients, is_refinement })
+        is_valid.then_some(Scan { components, coefficients, is_refinement, is_exact })
+    }
+
+    /// Returns true if all coefficients of all components are known.
+    fn is_complete(&self) -> bool {
+        !self.components.is_empty() && self.components.iter().all(|component| component.known == u64::MAX)
     }
 
     /// Checks the data of a scan. Returns what follows.
-    fn check_scan<'a>(&mut self, scan: &Scan, data: &'a [u8]) -> Result<&'a [u8], Fault> {
+    fn check_scan(&mut self, scan: &Scan, data: &'a [u8]) -> Result<&'a [u8], Fault> {
         let units = self.units(scan);
         let is_alone = scan.components.len() == 1;
         let mut nonzero = Vec::new();
@@ -161,7 +226,12 @@ impl JpegFile {
         if !nonzero.is_empty() {
             self.components[scan.components[0].index].nonzero = nonzero;
         }
-        reader.finish()
+        for ScanComponent { index, .. } in scan.components.iter().filter(|_| scan.is_exact) {
+            self.components[*index].known |= u64::MAX << scan.coefficients.start() & u64::MAX >> (63 - scan.coefficients.end());
+        }
+        let (rest, surplus) = reader.finish(self.is_complete())?;
+        self.surplus.extend(surplus);
+        Ok(rest)
     }
 
     /// The number of units in a scan: blocks of one component, or groups of blocks of several.
@@ -195,13 +265,13 @@ mod tests {
     #[test]
     fn lost_and_changed_bytes_of_coded_data_are_noticed() {
         let (photo, scan) = photo(START_OF_SCAN);
-        assert!(check(&photo).is_ok());
+        assert!(completed(&photo).is_ok());
         let coded = scan + 2 + usize::from(u16::from_be_bytes([photo[scan + 2], photo[scan + 3]]))..photo.len() - 2;
         let noticed = |damage: &dyn Fn(&mut Vec<u8>, usize)| {
             let is_noticed = |&place: &usize| {
                 let mut damaged = photo.clone();
                 damage(&mut damaged, place);
-                check(&damaged).is_err()
+                completed(&damaged).is_err()
             };
             coded.clone().filter(is_noticed).count() * 100 / coded.len()
         };
@@ -217,7 +287,7 @@ mod tests {
         for (place, value) in [(5, [0, 0]), (7, [0, 0]), (11, [0x01, 0]), (11, [0x10, 0]), (11, [0x51, 0]), (11, [0x15, 0])] {
             let mut changed = photo.clone();
             changed[frame + place..frame + place + 2].copy_from_slice(&value);
-            assert!(check(&changed).is_ok(), "{place}: {value:?}");
+            assert!(completed(&changed).is_ok(), "{place}: {value:?}");
         }
     }
 }

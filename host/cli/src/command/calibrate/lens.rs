@@ -62,7 +62,7 @@ pub struct LensCommand {
     min_coverage: f64,
 
     /// Page with the corners, their errors and the coverage of the image
-    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html())]
     report: Option<PathBuf>,
 
     /// Print JSON instead of a table

@@ -53,7 +53,7 @@ pub struct Capture {
     live: bool,
 
     /// Page to look at the capture, matched by blocks, see `multiscopic view`
-    #[arg(long, value_name = "FILE.html", conflicts_with = "live", value_parser = output_file::html)]
+    #[arg(long, value_name = "FILE.html", conflicts_with = "live", value_parser = output_file::html())]
     report: Option<PathBuf>,
 
     /// Number of captures with --live [default: no limit]
@@ -63,7 +63,7 @@ pub struct Capture {
     /// With --live, a recording for ROS 2 and Foxglove, or a pipe: depth, disparities and the other topics of `match --mcap` of
     /// each capture, matched by blocks as soon as it is taken; needs the focal length
     #[cfg(feature = "mcap")]
-    #[arg(long, value_name = "OUT.mcap", requires = "live", value_parser = output_file::mcap)]
+    #[arg(long, value_name = "OUT.mcap", requires = "live", value_parser = output_file::mcap())]
     mcap: Option<PathBuf>,
 
     /// Print what was captured as a JSON object on standard output, one a line with --live

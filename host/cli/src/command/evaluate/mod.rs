@@ -11,8 +11,10 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Dataset, Error, FloatImage, Frames, Geometry, MatchSetup, Result, Rig, evaluation::ground_truth, files::output,
-    images::ImageRegion, lens::Undistortion,
+    Dataset, Error, FloatImage, Frames, Geometry, MatchSetup, Result, Rig,
+    files::{MatchedImages, output},
+    images::ImageRegion,
+    lens::Undistortion,
 };
 use serde::Serialize;
 
@@ -20,12 +22,11 @@ use self::comparison::Comparison;
 pub use self::data_set::SceneRecord;
 use super::{
     batch::{BatchOptions, RunSettings},
-    limits,
     options::{
         BaselineOptions, BitsOption, EngineOptions, GeometryOptions, MemoryOptions, MethodOptions, PreparationOptions,
         SearchOptions, Source, named, output_file, value::positive,
     },
-    preparation::prepare,
+    preparation::{prepare, read_disparities},
     scene::truth_file,
     terminal,
 };
@@ -70,7 +71,7 @@ pub struct Evaluate {
 
     /// Write a page with the tables and pictures, and for data sets with charts of the error over the number of views and over
     /// the baseline
-    #[arg(long, value_name = "FILE.html", value_parser = output_file::html, conflicts_with = "results")]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html(), conflicts_with = "results")]
     report: Option<PathBuf>,
 
     #[command(flatten)]
@@ -156,9 +157,9 @@ pub fn print_tables(records: &[Record]) -> Result<()> {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Captured folders")]
 struct RigOptions {
-    /// True disparities of the centre in pixels at the nearest baseline, +inf where unknown [default: truth.pfm in RIG_DIR, if it
-    /// is there]
-    #[arg(long, value_name = "TRUTH.pfm", conflicts_with = "dataset")]
+    /// True disparities of the centre at the nearest baseline: in pixels, not finite where unknown, as PFM, NPY, NPZ or TIFF; or in
+    /// a 16-bit image as --raw16, KITTI or OpenCV store them [default: truth.pfm in RIG_DIR, if it is there]
+    #[arg(long, value_name = "TRUTH", conflicts_with = "dataset")]
     truth: Option<PathBuf>,
 
     /// The scene is a flat wall, at this distance along the optical axis if it is given: measure how flat it seems, and how far
@@ -246,11 +247,11 @@ impl RigFiles {
         let (mut frames, _, undistortion) = self.source.load()?;
         let Source { rig, lens, images, .. } = &self.source;
         let mut geometry = geometry.geometry(rig.as_ref(), lens.as_ref(), &frames)?;
-        let read = |path: &PathBuf| ground_truth::read_pfm(path, frames.size(), &images.center, limits());
-        let truth = self.truth.as_ref().map(read).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| search.search(size, views, None, range);
         let preparation = prepare(preparation, &self.source, undistortion.as_ref(), &mut frames, &mut geometry, memory, search)?;
+        let images = MatchedImages { center: &images.center, size, shown: preparation.inspection.shown_range() };
+        let truth = self.truth.as_ref().map(|path| read_disparities(path, Some(&images))).transpose()?;
         let truth = truth.map(|truth| preparation.truth(truth));
         Ok(PreparedRig { frames, undistortion, geometry, truth, preparation })
     }

@@ -7,6 +7,7 @@ use std::{
 
 use multiscopic::{
     DisparityMap, Engine, Frames, Inspection, MatchSetup, Method, Progress, Result,
+    files::MatchedImages,
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
@@ -57,13 +58,14 @@ impl TunedRig {
         let (frames, _, undistortion) = source.load()?;
         let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         let folder = source.folder().unwrap_or(folder);
-        let truth = truth(folder, frames.size(), &source.images.center)?;
+        let inspection = Inspection::of(&frames);
+        let images = MatchedImages { center: &source.images.center, size: frames.size(), shown: inspection.shown_range() };
+        let truth = truth(folder, &images)?;
         let scene = ViewedScene::new(title(folder), frames.size())
             .served()
             .with_geometry(geometry.as_ref())
             .with_frames(&frames, frames.color(Frame::Center))
             .with_truth(truth.as_ref());
-        let inspection = Inspection::of(&frames);
         Ok(TunedRig { folder: folder.into(), gray: frames.clone().without_color(), frames, undistortion, inspection, scene })
     }
 

@@ -12,8 +12,7 @@ use std::{
 use clap::Args;
 use multiscopic::{
     DisparityMap, Engine, Error, Result,
-    evaluation::ground_truth,
-    files::{ListedRig, output},
+    files::{ListedRig, MatchedImages, output},
     stereo::{
         BaselineRefinement,
         confidence_map::{self, ConfidenceMap},
@@ -28,9 +27,8 @@ use self::outputs::Outputs;
 use super::{
     advice,
     batch::{BatchOptions, Done, RunSettings},
-    limits,
     options::{EngineOptions, GeometryOptions, MatchingOptions, PRIOR_EXCLUDES, PreparationOptions, Source, SourceOptions},
-    preparation::{mask_unseen, prepare, say_if_much},
+    preparation::{mask_unseen, prepare, read_disparities, say_if_much},
     scene::truth_file,
     terminal::{self, Watch},
     view,
@@ -61,9 +59,10 @@ pub struct Match {
     #[command(flatten)]
     matching: MatchingOptions,
 
-    /// Disparities around which all views are searched, instead of over the whole range: a 16-bit image as --raw16 writes,
-    /// in pixels of one baseline [default: those of the views at the shortest of several baselines]
-    #[arg(long, value_name = "PRIOR.png", conflicts_with_all = PRIOR_EXCLUDES, help_heading = "Several baselines")]
+    /// Disparities around which all views are searched, instead of over the whole range, of one baseline: in pixels, not finite
+    /// where unknown, as PFM, NPY, NPZ or TIFF; or in a 16-bit image as --raw16, KITTI or OpenCV store them [default: those of the
+    /// views at the shortest of several baselines]
+    #[arg(long, value_name = "PRIOR", conflicts_with_all = PRIOR_EXCLUDES, help_heading = "Several baselines")]
     prior: Option<PathBuf>,
 
     #[command(flatten)]
@@ -99,11 +98,11 @@ impl Match {
             let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
             terminal::print_bytes(terminal::preview(&picture).as_bytes())?;
         }
+        summary.warnings().iter().for_each(|warning| terminal::warn(warning));
         match self.outputs.json {
             true => terminal::print_report(&summary, true)?,
             false => terminal::say(&summary.to_string()),
         }
-        summary.warnings().iter().for_each(|warning| terminal::warn(warning));
         Ok(ExitCode::SUCCESS)
     }
 
@@ -123,13 +122,15 @@ impl Match {
         let truth = self.truth_file(&source);
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).chain(truth.as_deref()).collect();
         output::check(&outputs.paths(), &inputs)?;
-        let prior =
-            self.prior.as_deref().map(|path| multiscopic::files::read_prior(path, frames.size(), limits())).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
         let preparation =
             prepare(&self.preparation, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         let search = preparation.search;
+        let images = source.images.center.clone();
+        let images = MatchedImages { center: &images, size, shown: preparation.inspection.shown_range() };
+        let prior = self.prior.as_deref().map(|path| read_disparities(path, Some(&images))).transpose()?;
+        let prior = prior.map(|prior| DisparityMap::from_float(&prior));
         let center = outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {
             (Some(alignment), undistortion) => alignment.rectified(Frame::Center, center, undistortion.as_ref()),
             (None, Some(undistortion)) => undistortion.picture(&center),
@@ -161,7 +162,7 @@ impl Match {
 
         let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
         let report = outputs.report.as_ref().map(|page| -> Result<Report> {
-            let truth = truth.map(|path| ground_truth::read_pfm(&path, size, &source.images.center, limits())).transpose()?;
+            let truth = truth.map(|path| read_disparities(&path, Some(&images))).transpose()?;
             let truth = truth.map(|truth| preparation.truth(truth));
             let title = source.folder().map_or_else(|| "Disparities".into(), view::title);
             let mut scene = ViewedScene::new(&*title, size)
@@ -184,7 +185,9 @@ impl Match {
                 _ => Ok(()),
             }
         })?;
-        let warnings = advice::warnings(&preparation, &disparities, &search);
+        let mut warnings = advice::warnings(&preparation, &disparities, &search);
+        let geometry = geometry.as_ref().filter(|_| outputs.of_depth().is_some());
+        warnings.splice(0..0, geometry.and_then(|geometry| advice::no_depth(&disparities, geometry)).map(String::from));
         let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
         Ok((summary, disparities))
     }
@@ -208,8 +211,8 @@ impl Match {
             let ListedRig { name, directory } = &rigs[index];
             let outputs = self.outputs.within(folder)?;
             let (summary, _) = self.matched(self.source.source_of(directory)?, &outputs, &engine)?;
-            terminal::say(&format!("{name}: {summary}"));
             summary.warnings().iter().for_each(|warning| terminal::warn(&format!("{name}: {warning}")));
+            terminal::say(&format!("{name}: {summary}"));
             Ok(Done { results: summary.without_time(), outputs: outputs.paths().into_iter().map(PathBuf::from).collect() })
         };
         Ok(batch.run(inputs, work))

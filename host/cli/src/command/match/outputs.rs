@@ -27,16 +27,16 @@ pub struct Outputs {
     pub maps: MapFiles,
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid
-    #[arg(long, value_name = "OUT.png", conflicts_with = "prior", value_parser = output_file::png)]
+    #[arg(long, value_name = "OUT.png", conflicts_with = "prior", value_parser = output_file::png())]
     pub confidence: Option<PathBuf>,
 
     /// Depth in metres, +inf where unknown, as PFM or for numpy (OUT.npy, OUT.npz); or in millimetres as a 16-bit image, 0 where
     /// unknown (OUT.png); needs the focal length and the baseline
-    #[arg(long, value_name = "OUT.pfm", value_parser = output_file::depths)]
+    #[arg(long, value_name = "OUT.pfm", value_parser = output_file::depths())]
     depth: Option<PathBuf>,
 
     /// Depth in colour, with the colours of --png; the nearest and the farthest hundredth are clamped
-    #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
+    #[arg(long, value_name = "OUT.png", value_parser = output_file::png())]
     depth_png: Option<PathBuf>,
 
     /// Inputs of the network of --method net, made from the images, as a folder of arrays for numpy: train/README.md tells what
@@ -53,22 +53,22 @@ pub struct Outputs {
     pub json: bool,
 
     /// Coloured point cloud in metres, with confidences if --confidence is given; needs the focal length and the baseline
-    #[arg(long, value_name = "OUT.ply", value_parser = output_file::ply)]
+    #[arg(long, value_name = "OUT.ply", value_parser = output_file::ply())]
     pub ply: Option<PathBuf>,
 
     /// Recording for ROS 2 and Foxglove: depth, camera, points, disparities with all their fields, confidences; needs the focal
     /// length and the baseline
     #[cfg(feature = "mcap")]
-    #[arg(long, value_name = "OUT.mcap", value_parser = output_file::mcap)]
+    #[arg(long, value_name = "OUT.mcap", value_parser = output_file::mcap())]
     mcap: Option<PathBuf>,
 
     /// The same as a file of Rerun, whose program `rerun` converts it: install it with `pip install rerun-sdk`
     #[cfg(feature = "mcap")]
-    #[arg(long, value_name = "OUT.rrd", value_parser = output_file::rrd)]
+    #[arg(long, value_name = "OUT.rrd", value_parser = output_file::rrd())]
     rerun: Option<PathBuf>,
 
     /// Page to look at the disparities, the pictures, the costs and the points, see `multiscopic view`
-    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html())]
     pub report: Option<PathBuf>,
 
     /// Write the point cloud as text instead of binary

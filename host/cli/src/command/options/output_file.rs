@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{
+    Args,
+    builder::{PathBufValueParser, TypedValueParser},
+};
 use multiscopic::{
     DisparityMap, Error, FloatImage, Picture, Result,
     images::{ColorScale, Colormap},
@@ -16,11 +19,11 @@ use crate::{command::terminal, report::color_bar};
 #[command(next_help_heading = "Output")]
 pub struct MapFiles {
     /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy, OUT.npz); - is standard output, as PFM
-    #[arg(short, long, value_name = "OUT.pfm", value_parser = floats_or_standard)]
+    #[arg(short, long, value_name = "OUT.pfm", value_parser = floats())]
     output: Option<PathBuf>,
 
     /// Disparities in colour: near is red, far is blue, invalid is black
-    #[arg(long, value_name = "OUT.png", value_parser = png)]
+    #[arg(long, value_name = "OUT.png", value_parser = png())]
     png: Option<PathBuf>,
 
     /// Draw a colour bar beside coloured pictures, with a scale in their unit
@@ -32,7 +35,7 @@ pub struct MapFiles {
     colormap: Colormap,
 
     /// Disparities times 64 plus 32768 as a 16-bit image, 0 where invalid
-    #[arg(long, value_name = "OUT.png", value_parser = png)]
+    #[arg(long, value_name = "OUT.png", value_parser = png())]
     raw16: Option<PathBuf>,
 }
 
@@ -113,24 +116,19 @@ impl MapFiles {
 /// The name of standard output.
 const STANDARD_OUTPUT: &str = "-";
 
-/// Parses the name of a file for real numbers, or `-` for standard output.
-fn floats_or_standard(text: &str) -> Result<PathBuf> {
-    if text == STANDARD_OUTPUT { Ok(text.into()) } else { floats(text) }
-}
-
 /// Returns true if a path is the name of standard output.
 pub fn is_standard_output(path: &Path) -> bool {
     path == Path::new(STANDARD_OUTPUT)
 }
 
 /// Parses the name of a file for real numbers: PFM, NPY or NPZ.
-pub fn floats(text: &str) -> Result<PathBuf> {
-    with_end(text, &["pfm", "npy", "npz"])
+pub fn floats() -> impl TypedValueParser<Value = PathBuf> {
+    ending(&["pfm", "npy", "npz"])
 }
 
 /// Parses the name of a file for depths: those, or PNG.
-pub fn depths(text: &str) -> Result<PathBuf> {
-    with_end(text, &["pfm", "npy", "npz", "png"])
+pub fn depths() -> impl TypedValueParser<Value = PathBuf> {
+    ending(&["pfm", "npy", "npz", "png"])
 }
 
 /// Returns true if a path ends in `.` and `end`.
@@ -150,35 +148,38 @@ pub fn write_floats(image: &FloatImage, path: &Path, what: &str) -> Result<()> {
 }
 
 /// Parses the name of a PNG file.
-pub fn png(text: &str) -> Result<PathBuf> {
-    with_end(text, &["png"])
+pub fn png() -> impl TypedValueParser<Value = PathBuf> {
+    ending(&["png"])
 }
 
 /// Parses the name of a PLY file.
-pub fn ply(text: &str) -> Result<PathBuf> {
-    with_end(text, &["ply"])
+pub fn ply() -> impl TypedValueParser<Value = PathBuf> {
+    ending(&["ply"])
 }
 
 /// Parses the name of a recording.
 #[cfg(feature = "mcap")]
-pub fn mcap(text: &str) -> Result<PathBuf> {
-    with_end(text, &["mcap"])
+pub fn mcap() -> impl TypedValueParser<Value = PathBuf> {
+    ending(&["mcap"])
 }
 
 /// Parses the name of a file for Rerun.
 #[cfg(feature = "mcap")]
-pub fn rrd(text: &str) -> Result<PathBuf> {
-    with_end(text, &["rrd"])
+pub fn rrd() -> impl TypedValueParser<Value = PathBuf> {
+    ending(&["rrd"])
 }
 
 /// Parses the name of a page.
-pub fn html(text: &str) -> Result<PathBuf> {
-    with_end(text, &["html", "htm"])
+pub fn html() -> impl TypedValueParser<Value = PathBuf> {
+    ending(&["html", "htm"])
 }
 
-/// A name with one of the ends. Names without an end are those of devices and pipes.
-fn with_end(text: &str, ends: &[&str]) -> Result<PathBuf> {
-    let path = PathBuf::from(text);
+/// Parses a name with one of the ends, in any characters, as those of inputs. Names without an end are those of devices and pipes.
+fn ending(ends: &'static [&str]) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(move |path| with_end(path, ends))
+}
+
+fn with_end(path: PathBuf, ends: &[&str]) -> Result<PathBuf> {
     match path.extension() {
         Some(end) if !ends.iter().any(|expected| ends_in(&path, expected)) => {
             Err(Error::Usage(format!("it ends in .{}, and this option writes .{} files", end.display(), ends.join(" or ."))))
@@ -193,13 +194,13 @@ mod tests {
 
     #[test]
     fn names_end_as_their_formats() {
-        for name in ["d.pfm", "a/b.c/D.PFM", "/dev/null", "pipe"] {
-            assert_eq!(floats(name).unwrap(), Path::new(name));
+        let ends = ["pfm", "npy"];
+        for name in ["d.pfm", "a/b.c/D.PFM", "/dev/null", "pipe", "-", "d.Npy"] {
+            assert_eq!(with_end(name.into(), &ends).unwrap(), Path::new(name));
         }
-        let error = floats("d.png").unwrap_err().to_string();
-        assert!(error.contains("it ends in .png") && error.contains("writes .pfm or .npy or .npz files"), "{error}");
-        assert!(png("d.jpg").is_err() && ply("d.pfm").is_err() && html("d").is_ok() && html("d.htm").is_ok());
-        assert!(depths("d.png").is_ok() && depths("d.NPY").is_ok() && depths("d.npz").is_ok() && depths("d.exr").is_err());
-        assert!(is_standard_output(&floats_or_standard("-").unwrap()) && floats_or_standard("d.txt").is_err());
+        for name in ["d.png", "d.pfm.bak"] {
+            let error = with_end(name.into(), &ends).unwrap_err().to_string();
+            assert!(error.contains("it ends in .") && error.contains("writes .pfm or .npy files"), "{error}");
+        }
     }
 }

@@ -27,7 +27,7 @@ use multiscopic::{
         stage::{self, Arm, ArmAddress, StageSpec},
     },
     evaluation::CameraSteps,
-    files::{Limits, MatchedImages, read_disparities, read_pfm},
+    files::{Limits, read_disparities, read_pfm},
     images::{ImageRegion, Layout},
     lens::{Mount, Undistortion},
     stereo::{
@@ -64,8 +64,6 @@ pub fn pictures(bytes: &[u8]) -> bool {
     let _ = Picture::read(&path);
     let _ = Picture::brightest(&[&path], Limits::DEFAULT);
     let _ = read_pfm(&path);
-    let images = MatchedImages { center: &path, size: [13, 9], shown: Some(1..=9) };
-    let _ = read_disparities(&path, Some(&images), Limits::DEFAULT);
     let _ = read_disparities(&path, None, Limits::DEFAULT);
     true
 }

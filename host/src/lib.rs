@@ -22,7 +22,7 @@
 //! | --- | --- |
 //! | [`error`], [`progress`] | what every module reports: errors that name the file, and how far long work has come |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
-//! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
+//! | [`files`] | reading and writing them: pictures, maps of numbers, PLY, `rig.toml`; whole files or none |
 //! | [`lens`] | lens distortion, the calibration files that describe it, and images without it |
 //! | `calibration` | calibration of lenses from images of a printed board |
 //! | `scene` | ray-traced scenes with known depth |

@@ -24,6 +24,7 @@ use rayon::prelude::*;
 use super::tracking::{Level, RADIUS, corners};
 use crate::{
     error::{Error, Result, Warning},
+    files::CornerDisparities,
     images::Frames,
 };
 
@@ -87,7 +88,9 @@ pub struct Inspection {
     pub range: Option<(i16, u16)>,
     /// The disparities of the corners that are found again, in pixels of the unit baseline, in ascending order.
     pub corners: Vec<f64>,
-    /// By how much these may be off.
+    /// The pixels of the centre where these corners are, and their disparities.
+    pub(crate) places: Vec<([usize; 2], f64)>,
+    /// By how much these disparities may be off, in pixels.
     pub(crate) corner_error: f64,
     /// Views that show the scene moved the wrong way.
     pub(crate) swapped: Vec<View>,
@@ -112,6 +115,11 @@ impl Inspection {
     pub fn shown_range(&self) -> Option<RangeInclusive<i16>> {
         let (min, count) = self.range?;
         Some(min..=(i32::from(min) + i32::from(count) - 1) as i16)
+    }
+
+    /// Returns the disparities of corners, which maps of the images should have. `None` if too few corners are found again.
+    pub fn corner_disparities(&self) -> Option<CornerDisparities<'_>> {
+        Some(CornerDisparities { places: &self.places, error: self.corner_error, range: self.shown_range()? })
     }
 
     /// Warns if many corners have disparities beyond a search range.
@@ -168,15 +176,22 @@ impl Inspection {
             are_most && wrong >= MIN_POINTS && wrong as f64 >= MIN_SWAPPED * found.len() as f64
         };
         let swapped = views.iter().zip(&found).filter(|(_, found)| is_swapped(found)).map(|(&view, _)| view).collect();
-        let scale = scale[0].max(scale[1]);
-        let agreed = (0..corners.len()).filter_map(|n| agreed(found.iter().filter_map(|found| found[n]), views.len()));
-        let mut corners: Vec<f64> = agreed.map(|disparity| scale * disparity).collect();
+        let place = |corner: [usize; 2]| [0, 1].map(|axis| ((corner[axis] as f64 + 0.5) * scale[axis]) as usize);
+        let larger = scale[0].max(scale[1]);
+        let places = corners.iter().enumerate().filter_map(|(n, &corner)| {
+            let disparity = agreed(found.iter().filter_map(|found| found[n]), views.len())?;
+            Some((place(corner), larger * disparity))
+        });
+        let places: Vec<([usize; 2], f64)> = places.collect();
+        let scale = larger;
+        let mut corners: Vec<f64> = places.iter().map(|(_, disparity)| *disparity).collect();
         corners.sort_unstable_by(f64::total_cmp);
         let image = |view: &View| frames.get(Frame::View(*view)).expect("the view is there");
         let copies = views.iter().copied().filter(|view| Some(image(view)) == frames.get(Frame::Center)).collect();
         Inspection {
             range: range(&corners, scale),
             corners,
+            places,
             corner_error: MAX_SPREAD * scale,
             swapped,
             blurred: blurred(frames),

@@ -67,7 +67,7 @@ impl DatasetScene {
         let (frames, center) = Frames::load_each(&images, limits, |_| Ok(None))?;
         let path = self.truth();
         let truth = read_truth(self.dataset, &path, limits)?;
-        MatchedImages { center: &images.center, size: frames.size(), shown: None }.check_size(&path, &truth)?;
+        MatchedImages { center: &images.center, size: frames.size(), seen: None }.check_size(&path, &truth)?;
         match truth.pixels().iter().any(|d| d.is_finite()) {
             true => Ok((frames, center, truth)),
             false => Err(Error::format(&path, "no pixel with a disparity", "the ground truth of the centre image")),

@@ -65,10 +65,10 @@ impl DisparityEncoding {
 impl fmt::Display for DisparityEncoding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            DisparityEncoding::Pixels => "disparities in pixels",
-            DisparityEncoding::Raw16 => "64 times the disparity plus 32768, as multiscopic stores it",
-            DisparityEncoding::Kitti => "256 times the disparity, as KITTI stores it",
-            DisparityEncoding::OpenCv => "16 times the disparity, as OpenCV stores it",
+            DisparityEncoding::Pixels => "pixels",
+            DisparityEncoding::Raw16 => "64 d + 32768 of multiscopic",
+            DisparityEncoding::Kitti => "256 d of KITTI",
+            DisparityEncoding::OpenCv => "16 d of OpenCV",
         })
     }
 }
@@ -80,35 +80,52 @@ pub struct MatchedImages<'a> {
     pub center: &'a Path,
     /// Width and height.
     pub size: [usize; 2],
-    /// The disparities that the images show, if they do, in pixels: those of [`Inspection::shown_range`](crate::Inspection).
-    pub shown: Option<RangeInclusive<i16>>,
+    /// The disparities of their corners, if enough are found.
+    pub seen: Option<CornerDisparities<'a>>,
 }
 
-/// The share of disparities within the range that the images show, below which a map belongs to others, or is of other numbers.
+/// Disparities at corners of a centre image, as [`Inspection`](crate::Inspection) finds them.
+#[derive(Clone, Debug)]
+pub struct CornerDisparities<'a> {
+    /// Column and row of each corner, and its disparity in pixels.
+    pub places: &'a [([usize; 2], f64)],
+    /// By how much the disparities may be off, in pixels.
+    pub error: f64,
+    /// The range that they show, in pixels.
+    pub range: RangeInclusive<i16>,
+}
+
+/// The least number of corners from which a correlation is concluded.
+const MIN_CORNERS: usize = 20;
+/// The share of disparities in the range that the images show, below which a map belongs to others, or is of other numbers.
 const MIN_SHOWN: f64 = 0.25;
+/// The correlation with the disparities of corners below which numbers are depths.
+const MAX_DEPTH: f64 = -0.5;
+/// The share of the corners' disparities by which a map in the encoding of another program may be off.
+const MAX_OFF: f64 = 0.1;
 /// The least median of disparities in [`DisparityEncoding::Raw16`], unless the images show others: cameras look ahead.
 const MIN_MEDIAN: f32 = -64.0;
 
 /// Reads disparities in pixels, not finite where unknown: a PFM, NPY, NPZ or TIFF file of real numbers, or whole ones of 16 bits
-/// in a PNG, TIFF or NPY file. Of these, the numbers tell the encoding: the only one with plausible disparities for `images`, if
-/// they are known.
+/// in a PNG, PGM, TIFF or NPY file. Of these, the numbers tell the encoding: the one that agrees with what is seen in `images`,
+/// or the only one with plausible disparities.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::PictureSize`], and [`Error::Format`] if the file has other contents or is damaged, the size is not
-/// that of the images, no pixel has a disparity, or most disparities are far from those that the images show.
+/// that of the images, no pixel has a disparity, or the images show others.
 pub fn read_disparities(
     path: &Path,
     images: Option<&MatchedImages<'_>>,
     limits: Limits,
 ) -> Result<(FloatImage, DisparityEncoding)> {
     use DisparityEncoding::{Kitti, OpenCv, Pixels, Raw16};
-    let (numbers, encodings, is_first_likely): (FloatImage, &[_], bool) =
+    let (numbers, own, others): (FloatImage, Option<_>, &[_]) =
         match CodedFile::new(path, &limits.read(path)?, limits)?.decode()? {
-            Decoded::Numbers(Numbers { map, is_whole: false }) => (map, &[Pixels], true),
-            Decoded::Numbers(Numbers { map, is_whole: true }) => (map, &[Pixels, OpenCv, Kitti], false),
+            Decoded::Numbers(Numbers { map, is_whole: false }) => (map, Some(Pixels), &[]),
+            Decoded::Numbers(Numbers { map, is_whole: true }) => (map, None, &[Pixels, OpenCv, Kitti]),
             Decoded::Samples(DynamicImage::ImageLuma16(image)) => {
                 let numbers = image.as_raw().iter().map(|&sample| sample.into()).collect();
-                (FloatImage::new(image.width() as usize, image.height() as usize, numbers), &[Raw16, Kitti, OpenCv], true)
+                (FloatImage::new(image.width() as usize, image.height() as usize, numbers), Some(Raw16), &[Kitti, OpenCv])
             }
             Decoded::Samples(other) => {
                 let found = format!("an image of {:?}", other.color());
@@ -116,42 +133,55 @@ pub fn read_disparities(
                 return Err(Error::format(path, found, expected));
             }
         };
-    if let Some(images) = images {
-        images.check_size(path, &numbers)?;
-    }
-    let decoded = |&encoding: &DisparityEncoding| {
-        let map = numbers.map(|&number| encoding.disparity(number));
-        (median(&map), map, encoding)
-    };
-    let maps: Vec<(Option<f32>, FloatImage, DisparityEncoding)> = encodings.iter().map(decoded).collect();
-    let is_plausible = |(median, map, encoding): &(Option<f32>, FloatImage, DisparityEncoding)| {
-        let &Some(median) = median else { return images.is_none() };
-        let width = map.width() as f32;
-        match (images.and_then(|images| images.shown.as_ref()), encoding) {
-            (Some(shown), _) => share_within(map, shown) >= MIN_SHOWN,
-            (None, Pixels) => true,
-            (None, Raw16) => (MIN_MEDIAN..=width).contains(&median),
-            (None, Kitti | OpenCv) => median <= width / 4.0,
+    let decoded = |encoding: DisparityEncoding| (numbers.map(|&number| encoding.disparity(number)), encoding);
+    let own = own.map(decoded);
+    let seen = match images {
+        Some(images) => {
+            images.check_size(path, &numbers)?;
+            images.seen.as_ref()
         }
+        None => None,
+    };
+    let none = || Error::format(path, "no pixel with a disparity", "the disparities of the centre image");
+    if let Some((map, encoding)) = own.as_ref() {
+        let is_likely = match (median(map), seen, encoding) {
+            // A map may be empty, but cannot be compared.
+            (None, ..) if images.is_some() => return Err(none()),
+            (None, ..) | (_, None, Pixels) => true,
+            (Some(median), None, _) => (MIN_MEDIAN..=map.width() as f32).contains(&median),
+            (Some(_), Some(seen), _) => {
+                if correlation(map, seen).is_some_and(|correlation| correlation < MAX_DEPTH) {
+                    let found =
+                        "numbers that fall where the disparities of the images rise, as depths and negated disparities do";
+                    return Err(Error::format(path, found, "disparities: those that a match writes by -o"));
+                }
+                share_shown(map, seen) >= MIN_SHOWN
+            }
+        };
+        if is_likely {
+            return Ok(own.expect("it was there"));
+        }
+    }
+    let mut maps: Vec<_> = others.iter().map(|&encoding| decoded(encoding)).collect();
+    let is_plausible = |(map, _): &(FloatImage, DisparityEncoding)| match seen {
+        Some(seen) => agrees(map, seen),
+        None => median(map).is_some_and(|median| median <= map.width() as f32 / 4.0),
     };
     let plausible: Vec<usize> = (0..maps.len()).filter(|&i| is_plausible(&maps[i])).collect();
-    if let [i] | [i @ 0, ..] = plausible[..]
-        && (plausible.len() == 1 || is_first_likely)
-    {
-        let (_, map, encoding) = maps.into_iter().nth(i).expect("its place is among them");
-        return Ok((map, encoding));
+    if let [i] = plausible[..] {
+        return Ok(maps.swap_remove(i));
     }
-    let medians: Vec<String> =
-        maps.iter().filter_map(|(median, _, encoding)| Some(format!("{:.1} ({encoding})", (*median)?))).collect();
+    let medians = own.iter().chain(&maps).filter_map(|(map, encoding)| Some(format!("{:.1} ({encoding})", median(map)?)));
+    let medians: Vec<String> = medians.collect();
     if medians.is_empty() {
-        return Err(Error::format(path, "no pixel with a disparity", "the disparities of the centre image"));
+        return Err(none());
     }
-    let expected = match images.and_then(|images| images.shown.as_ref()) {
-        Some(shown) => format!("some from {} to {}, as the images show", shown.start(), shown.end()),
-        None => "one of these alone to be plausible".into(),
+    let expected = match seen {
+        Some(seen) => format!("some from {} to {}, as the images show", seen.range.start(), seen.range.end()),
+        None => "one of them alone to be plausible".into(),
     };
-    let found = format!("disparities near {} pixels", medians.join(", or "));
-    Err(Error::Format { path: path.into(), found, expected: format!("{expected}: store them in pixels, as PFM or NPY") })
+    let found = format!("disparities near {}", medians.join(" or "));
+    Err(Error::format(path, found, format!("{expected}: store disparities in pixels, as PFM or NPY")))
 }
 
 impl MatchedImages<'_> {
@@ -166,6 +196,31 @@ impl MatchedImages<'_> {
     }
 }
 
+/// The known disparities of a map at corners, and those that are seen there.
+fn pairs<'a>(map: &'a FloatImage, seen: &'a CornerDisparities<'_>) -> impl Iterator<Item = [f64; 2]> + 'a {
+    let is_inside = |[u, v]: [usize; 2]| u < map.width() && v < map.height();
+    let pair = move |&([u, v], expected): &([usize; 2], f64)| is_inside([u, v]).then(|| [map.get(u, v).into(), expected]);
+    seen.places.iter().filter_map(pair).filter(|[found, _]| found.is_finite())
+}
+
+/// Returns true if most disparities of a map are those of corners.
+fn agrees(map: &FloatImage, seen: &CornerDisparities<'_>) -> bool {
+    let is_near = |[found, expected]: &[f64; 2]| (found - expected).abs() <= seen.error.max(MAX_OFF * expected.abs());
+    let (count, near) = (pairs(map, seen).count(), pairs(map, seen).filter(is_near).count());
+    2 * near > count
+}
+
+/// The correlation of a map with the disparities of corners. `None` if it is known at few of them.
+fn correlation(map: &FloatImage, seen: &CornerDisparities<'_>) -> Option<f64> {
+    let count = pairs(map, seen).count();
+    if count < MIN_CORNERS {
+        return None;
+    }
+    let mean = [0, 1].map(|i| pairs(map, seen).map(|pair| pair[i]).sum::<f64>() / count as f64);
+    let moment = |i: usize, j: usize| pairs(map, seen).map(|pair| (pair[i] - mean[i]) * (pair[j] - mean[j])).sum::<f64>();
+    Some(moment(0, 1) / (moment(0, 0) * moment(1, 1)).sqrt())
+}
+
 /// The median of the known disparities.
 fn median(map: &FloatImage) -> Option<f32> {
     let mut known: Vec<f32> = map.pixels().iter().copied().filter(|d| d.is_finite()).collect();
@@ -173,9 +228,9 @@ fn median(map: &FloatImage) -> Option<f32> {
     (!known.is_empty()).then(|| *known.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-/// The share of the known disparities in a range, or beyond it by half of it: images show it at their corners.
-fn share_within(map: &FloatImage, range: &RangeInclusive<i16>) -> f64 {
-    let [start, end] = [*range.start(), *range.end()].map(f32::from);
+/// The share of the known disparities in the range that images show, or beyond it by half of it: they show it at corners alone.
+fn share_shown(map: &FloatImage, seen: &CornerDisparities<'_>) -> f64 {
+    let [start, end] = [*seen.range.start(), *seen.range.end()].map(f32::from);
     let margin = (0.5 * (end - start)).max(2.0);
     let known = map.pixels().iter().filter(|d| d.is_finite());
     let within = known.clone().filter(|&&d| (start - margin..=end + margin).contains(&d)).count();
@@ -212,6 +267,38 @@ mod tests {
         assert_eq!((DisparityMap::from_float(&read), encoding), (map(), DisparityEncoding::Raw16));
         let image = image::open(&path).unwrap().into_luma16();
         assert_eq!(image.into_raw(), [32768 - 160, 0, 32768 + 3840, 32768, 65535, 1]);
+    }
+
+    #[test]
+    fn the_images_tell_the_encoding_of_whole_numbers() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("d.png");
+        let disparity = |u: u32, v: u32| 4.0 + 0.125 * f64::from(u) + 0.25 * f64::from(v);
+        let write = |number: &dyn Fn(f64) -> f64| {
+            let image = ImageBuffer::from_fn(40, 30, |u, v| Luma([number(disparity(u, v)) as u16]));
+            image_codec::write_png(&path, &image).unwrap();
+        };
+        let places: Vec<_> = (0..30).map(|i| ([i as usize, i as usize], disparity(i, i))).collect();
+        let seen = CornerDisparities { places: &places, error: 1.5, range: 2..=17 };
+        let images = MatchedImages { center: Path::new("c.png"), size: [40, 30], seen: Some(seen) };
+        let read = || read_disparities(&path, Some(&images), Limits::DEFAULT);
+        for (scale, offset, expected) in [
+            (64.0, 32768.0, DisparityEncoding::Raw16),
+            (256.0, 0.0, DisparityEncoding::Kitti),
+            (16.0, 0.0, DisparityEncoding::OpenCv),
+        ] {
+            write(&|d| scale * d + offset);
+            let (map, encoding) = read().unwrap();
+            assert_eq!((encoding, map.get(8, 4)), (expected, 6.0));
+        }
+        let message = |number: &dyn Fn(f64) -> f64| {
+            write(number);
+            read().unwrap_err().to_string()
+        };
+        assert!(message(&|d| 1000.0 * d).contains("expected some from 2 to 17, as the images show"));
+        // Depth in millimetres.
+        assert!(message(&|d| 8000.0 / d).contains("numbers that fall where the disparities of the images rise"));
+        assert!(message(&|_| 0.0).contains("no pixel with a disparity"));
     }
 
     #[test]

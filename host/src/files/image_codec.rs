@@ -216,6 +216,10 @@ fn is_truncated(format: ImageFormat, bytes: &[u8], pixels: u64) -> bool {
         ImageFormat::Png => !png_has_end(bytes),
         // Each block of 8x8 pixels takes at least one bit.
         ImageFormat::Jpeg => pixels > 8 * 64 * bytes.len() as u64,
+        // The length of all that follows it.
+        ImageFormat::WebP => bytes
+            .get(4..8)
+            .is_none_or(|length| bytes.len() - 8 < u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize),
         _ => false,
     }
 }

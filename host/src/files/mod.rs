@@ -19,7 +19,7 @@ mod rig_file;
 pub mod ros;
 mod tiff_files;
 
-pub use disparity_files::{DisparityEncoding, MatchedImages, read_disparities, write_depth_mm, write_raw16};
+pub use disparity_files::{CornerDisparities, DisparityEncoding, MatchedImages, read_disparities, write_depth_mm, write_raw16};
 pub use frame_files::FrameFiles;
 pub use input::Limits;
 pub use npy::{write_npy, write_npz};

@@ -46,6 +46,15 @@ impl<'a> TiffFile<'a> {
             }
         }
         file.decoder.seek_to_image(0).map_err(|error| refused(path, &error))?;
+        // Decoders may do without the end of compressed data, and without padding.
+        let places = [(Tag::StripOffsets, Tag::StripByteCounts), (Tag::TileOffsets, Tag::TileByteCounts)];
+        let ends = places.into_iter().flat_map(|(starts, lengths)| {
+            let [starts, lengths] = [starts, lengths].map(|tag| file.tags::<u64>(tag).unwrap_or_default());
+            starts.into_iter().zip(lengths).map(|(start, length)| start.saturating_add(length))
+        });
+        if ends.max() > Some(bytes.len() as u64) {
+            return Err(damaged(path, "TIFF", &"data are missing"));
+        }
         Ok(file)
     }
 
@@ -100,7 +109,12 @@ impl<'a> TiffFile<'a> {
 
     /// Returns the first number of a tag.
     fn tag<T: TryFrom<u64> + Copy>(&mut self, tag: Tag) -> Option<T> {
-        self.decoder.find_tag_unsigned_vec(tag).ok().flatten()?.first().copied()
+        self.tags(tag)?.first().copied()
+    }
+
+    /// Returns the numbers of a tag.
+    fn tags<T: TryFrom<u64>>(&mut self, tag: Tag) -> Option<Vec<T>> {
+        self.decoder.find_tag_unsigned_vec(tag).ok().flatten()
     }
 }
 
@@ -161,7 +175,8 @@ mod tests {
         for (tag, value) in entries {
             let (kind, count, value) = match tag {
                 258 if has_more => (short(3), channels.into(), long(start)),
-                258 => (short(3), 1, [short(bits), [0; 2]].as_flattened().try_into().unwrap()),
+                258 => (short(3), channels.into(), [short(bits); 2].as_flattened().try_into().unwrap()),
+                274 | 338 | 339 => (short(3), 1, [short(value as u16), [0; 2]].as_flattened().try_into().unwrap()),
                 273 => (short(4), 1, long(start + if has_more { 8 } else { 0 })),
                 _ => (short(4), 1, long(value)),
             };

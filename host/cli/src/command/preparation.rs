@@ -59,7 +59,7 @@ pub fn say_if_much(what: &str, bytes: u64) {
 pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>) -> Result<FloatImage> {
     let (map, encoding) = files::read_disparities(path, images, limits())?;
     if matches!(encoding, DisparityEncoding::Kitti | DisparityEncoding::OpenCv) {
-        terminal::say(&format!("{} has {encoding}", path.display()));
+        terminal::say(&format!("{} is read as {encoding}", path.display()));
     }
     Ok(map)
 }

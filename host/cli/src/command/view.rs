@@ -137,7 +137,7 @@ impl View {
         // Maps in files are of the frames as they were.
         let files = if preparation.alignment.is_some() { Vec::new() } else { read_maps(folder, Some(size))? };
         output::check(&[output], &files.iter().map(|map| &*map.path).collect::<Vec<_>>())?;
-        let images = MatchedImages { center: &source.images.center, size, shown: preparation.inspection.shown_range() };
+        let images = MatchedImages { center: &source.images.center, size, seen: preparation.inspection.corner_disparities() };
         let truth = truth(folder, &images)?.map(|truth| preparation.truth(truth));
         let methods = if self.methods.is_empty() && files.is_empty() { &[MethodName::Bm][..] } else { &self.methods };
         let engine = self.engine.engine()?;
@@ -179,7 +179,7 @@ fn maps_page(folder: &Path, output: &Path) -> Result<Report> {
             expected: format!("a captured folder with a {}, or files that `multiscopic match -o` writes", Rig::FILE_NAME),
         });
     };
-    let truth = truth(folder, &MatchedImages { center: &first.path, size: first.size(), shown: None })?;
+    let truth = truth(folder, &MatchedImages { center: &first.path, size: first.size(), seen: None })?;
     let scene = ViewedScene::new(title(folder), first.size()).with_truth(truth.as_ref());
     Ok(page(&title(folder), scene, maps.iter().map(MapFile::viewed)))
 }

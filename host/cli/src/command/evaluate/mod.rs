@@ -250,7 +250,7 @@ impl RigFiles {
         let (size, views) = (frames.size(), frames.views());
         let search = |range| search.search(size, views, None, range);
         let preparation = prepare(preparation, &self.source, undistortion.as_ref(), &mut frames, &mut geometry, memory, search)?;
-        let images = MatchedImages { center: &images.center, size, shown: preparation.inspection.shown_range() };
+        let images = MatchedImages { center: &images.center, size, seen: preparation.inspection.corner_disparities() };
         let truth = self.truth.as_ref().map(|path| read_disparities(path, Some(&images))).transpose()?;
         let truth = truth.map(|truth| preparation.truth(truth));
         Ok(PreparedRig { frames, undistortion, geometry, truth, preparation })

@@ -59,7 +59,7 @@ impl TunedRig {
         let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         let folder = source.folder().unwrap_or(folder);
         let inspection = Inspection::of(&frames);
-        let images = MatchedImages { center: &source.images.center, size: frames.size(), shown: inspection.shown_range() };
+        let images = MatchedImages { center: &source.images.center, size: frames.size(), seen: inspection.corner_disparities() };
         let truth = truth(folder, &images)?;
         let scene = ViewedScene::new(title(folder), frames.size())
             .served()

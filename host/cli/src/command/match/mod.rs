@@ -128,7 +128,7 @@ impl Match {
             prepare(&self.preparation, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         let search = preparation.search;
         let images = source.images.center.clone();
-        let images = MatchedImages { center: &images, size, shown: preparation.inspection.shown_range() };
+        let images = MatchedImages { center: &images, size, seen: preparation.inspection.corner_disparities() };
         let prior = self.prior.as_deref().map(|path| read_disparities(path, Some(&images))).transpose()?;
         let prior = prior.map(|prior| DisparityMap::from_float(&prior));
         let center = outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {

@@ -187,7 +187,7 @@ def colorize(disparity: npt.ArrayLike, range: tuple[float, float] | None = None)
     """Disparities in colour: near is red, far is blue, and pixels without a disparity are black."""
 
 def read_image(path: str | os.PathLike[str]) -> npt.NDArray[np.uint8]:
-    """Reads a PNG, PGM, PPM or JPEG image in 8 bits."""
+    """Reads a PNG, JPEG, TIFF, BMP, WebP, PGM, PPM or PFM image in 8 bits."""
 
 def set_max_pixels(pixels: int) -> None:
     """Changes the most pixels of the images and maps that are read."""

@@ -132,7 +132,7 @@ impl Init {
 
 /// The names of the photos in a folder, sorted.
 fn photos(directory: &Path) -> Result<Vec<PathBuf>> {
-    const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "ppm", "pnm"];
+    const EXTENSIONS: [&str; 10] = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "webp", "pgm", "ppm", "pnm"];
     let unread = |source| Error::Read { path: directory.into(), source };
     let mut photos = Vec::new();
     for entry in fs::read_dir(directory).map_err(unread)? {

@@ -2,6 +2,7 @@
 
 mod bench;
 mod documentation;
+mod exchanges;
 mod hostile_files;
 mod memory_demand;
 mod outputs;

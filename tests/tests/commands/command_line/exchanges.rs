@@ -36,6 +36,7 @@ const INPUTS: [(&str, &str); 8] = [
 ];
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes without optimisation")]
 fn every_output_is_an_input_where_it_makes_sense() {
     let dir = tempfile::tempdir().expect("a folder for the test");
     let [rig, folder] = ["demo", "out"].map(|name| dir.path().join(name).to_str().expect("UTF-8").to_owned());

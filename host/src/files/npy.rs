@@ -183,4 +183,28 @@ mod tests {
         assert_eq!(header(Number::U16, &[2, 3]), expected);
         assert_eq!(header(Number::U8, &[1000]).len() % 64, 0);
     }
+
+    #[test]
+    fn arrays_of_numpy_are_read() {
+        let file = |descr: &str, is_by_column: &str, shape: &str, data: &[u8]| {
+            let text = format!("{{'descr': '{descr}', 'fortran_order': {is_by_column}, 'shape': {shape}, }}\n");
+            [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), data].concat()
+        };
+        let path = Path::new("d.npy");
+        let by_column = [1, 4, -2, 5, 3, 6_i16].map(i16::to_be_bytes);
+        let reals = [0.5, f64::INFINITY].map(f64::to_le_bytes);
+        for (bytes, size, expected, is_whole) in [
+            (file(">i2", "True", "(2, 3)", by_column.as_flattened()), (3, 2), &[1.0, -2.0, 3.0, 4.0, 5.0, 6.0][..], true),
+            (file("<f8", "False", "(1, 2)", reals.as_flattened()), (2, 1), &[0.5, f32::INFINITY], false),
+            (file("|u1", "False", "(2, 1)", &[7, 255]), (1, 2), &[7.0, 255.0], true),
+        ] {
+            let Numbers { map, is_whole: found } = decode(path, &bytes, Limits::DEFAULT).unwrap();
+            assert_eq!(((map.width(), map.height()), map.pixels(), found), (size, expected, is_whole));
+            for length in 0..bytes.len() {
+                assert!(decode(path, &bytes[..length], Limits::DEFAULT).is_err(), "{length} bytes");
+            }
+        }
+        let error = decode(path, &file("<c8", "False", "(1, 2)", &[0; 16]), Limits::DEFAULT).err().expect("no reals").to_string();
+        assert!(error.contains("found an array of (1, 2) <c8"), "{error}");
+    }
 }

@@ -5,16 +5,18 @@
 #![cfg(unix)]
 
 use std::{
-    env, fs, io,
+    env,
+    fmt::Debug,
+    fs, io,
     path::Path,
     time::{Duration, Instant},
 };
 
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
 use multiscopic::{
-    CameraModel, Picture, Rig,
+    CameraModel, Picture, Result, Rig,
     capture::Imperfections,
-    files::{FrameFiles, Limits},
+    files::{FrameFiles, Limits, ListedRig},
     lens::Mount,
     target::reception,
 };
@@ -248,8 +250,26 @@ fn damage_inside_a_jpeg_is_an_error() {
     }
 }
 
-#[test]
-fn settings() {
+/// Reads a file, and returns its contents in the words of the library.
+type Reader = fn(&Path) -> Result<String>;
+
+fn in_words(value: Result<impl Debug>) -> Result<String> {
+    value.map(|value| format!("{value:?}"))
+}
+
+/// Reads a file as the `rig.toml` of its folder.
+fn read_rig(path: &Path) -> Result<String> {
+    let folder = path.parent().expect("a folder");
+    if !path.ends_with(Rig::FILE_NAME) {
+        fs::copy(path, folder.join(Rig::FILE_NAME)).expect("a copy");
+    }
+    in_words(Rig::load(folder))
+}
+
+const CALIBRATION: Reader = |path| in_words(CameraModel::read(path));
+
+/// Texts of every kind that a user writes or brings, by the names of their files, and their readers.
+fn texts() -> Vec<(&'static str, Vec<u8>, Reader)> {
     let rig = Rig {
         baseline_mm: Some(20.0),
         focal_px: Some(480.5),
@@ -263,33 +283,80 @@ fn settings() {
     };
     let folder = tempfile::tempdir().expect("a folder");
     rig.save(folder.path()).expect("a rig.toml");
-    let valid = [
-        fs::read(folder.path().join(Rig::FILE_NAME)).expect("a rig.toml"),
-        b"size = [640, 480]\nfocal_px = [470.0, 470.0]\nprincipal_point = [162.0, 117.5]\nmodel = \"plumb_bob\"\n\
-          coefficients = [-0.25, 0.08, 0.0, 0.0, 0.0]\n"
-            .to_vec(),
-        b"image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [535.9, 0., 342.2, 0., 536.5, 235.5, 0., 0., 1.]\n\
-          distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.2, -0.03, 0.001, -0.0002, 0.2]\n"
-            .to_vec(),
-        b"cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.013, 0.021, -0.018, 0.004]\n  distortion_model: equidistant\n  \
-          intrinsics: [380.8, 380.9, 511.4, 513.6]\n  resolution: [1024, 1024]\n"
-            .to_vec(),
-        b"rotation_deg = [1.5, -2.0, 2.5]\n".to_vec(),
-        b"[mount]\nrotation_deg = [0.5, -1.0, 2.0]\n[stage]\nscale = [1.01, 1.0]\nbacklash_mm = 0.05\nstalls_at_move = 6\n".to_vec(),
+    let rig = fs::read(folder.path().join(Rig::FILE_NAME)).expect("a rig.toml");
+    let texts: [(_, &[u8], Reader); 9] = [
+        (Rig::FILE_NAME, &rig, read_rig),
+        ("camera.toml", b"size = [640, 480]\nfocal_px = [470.0, 470.0]\nprincipal_point = [162.0, 117.5]\nmodel = \"plumb_bob\"\n\
+          coefficients = [-0.25, 0.08, 0.0, 0.0, 0.0]\n", CALIBRATION),
+        ("ros.yaml", b"image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [535.9, 0., 342.2, 0., 536.5, 235.5, 0., 0., 1.]\n\
+          distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.2, -0.03, 0.001, -0.0002, 0.2]\n", CALIBRATION),
+        ("ost.txt", b"[image]\n\nwidth\n640\n\nheight\n480\n\n[camera]\n\ncamera matrix\n535.9 0.0 342.2\n0.0 536.5 235.5\n0.0 0.0 1.0\n\n\
+          distortion\n-0.2 -0.03 0.001 -0.0002 0.2\n\nrectification\n1 0 0\n0 1 0\n0 0 1\n\n\
+          projection\n535.9 0.0 342.2 0.0\n0.0 536.5 235.5 0.0\n0.0 0.0 1.0 0.0\n", CALIBRATION),
+        ("lens.json", b"{\"K\": [[535.9, 0, 342.2], [0, 536.5, 235.5], [0, 0, 1]],\n\"dist\": [-0.2, -0.03, 0.001, -0.0002, 0.2],\n\
+          \"image_size\": [640, 480]}\n", CALIBRATION),
+        ("kalibr.yaml", b"cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.013, 0.021, -0.018, 0.004]\n  distortion_model: equidistant\n  \
+          intrinsics: [380.8, 380.9, 511.4, 513.6]\n  resolution: [1024, 1024]\n", CALIBRATION),
+        ("mount.toml", b"rotation_deg = [1.5, -2.0, 2.5]\n", |path| in_words(Mount::read(path))),
+        ("rig-errors.toml", b"[mount]\nrotation_deg = [0.5, -1.0, 2.0]\n[stage]\nscale = [1.01, 1.0]\nbacklash_mm = 0.05\nstalls_at_move = 6\n",
+            |path| in_words(Imperfections::read(path))),
+        ("list.txt", b"# Two shelves\n\nshelf/1\nshelf/2\n", |path| in_words(ListedRig::read_all(path))),
     ];
+    texts.map(|(name, text, read)| (name, text.to_vec(), read)).into()
+}
+
+/// Checks that a message can be read: it is short, and commands no terminal.
+fn check_message(message: &str) {
+    assert!(message.chars().count() <= 1000, "a message of {} characters: {message:.200}", message.chars().count());
+    assert!(!message.contains(char::is_control), "{message:?}");
+}
+
+#[test]
+fn settings() {
+    let (valid, readers): (Vec<_>, Vec<_>) = texts().into_iter().map(|(_, text, read)| (text, read)).unzip();
     survive(
         "settings",
         &valid,
         |_| (),
-        |path| {
-            let _ = CameraModel::read(path);
-            let _ = Mount::read(path);
-            let _ = Imperfections::read(path);
-            let folder = path.parent().expect("a folder");
-            fs::copy(path, folder.join(Rig::FILE_NAME)).expect("a copy");
-            let _ = Rig::load(folder);
-        },
+        |path| readers.iter().for_each(|read| drop(read(path).inspect_err(|error| check_message(&error.to_string())))),
     );
+}
+
+/// Editors of Windows write a byte order mark, and CR LF.
+#[test]
+fn texts_of_other_editors_say_the_same() {
+    for (name, text, read) in texts() {
+        let read = |text: &str| {
+            let folder = tempfile::tempdir().expect("a folder");
+            let path = folder.path().join(name);
+            fs::write(&path, text).expect("a file");
+            let words = read(&path).unwrap_or_else(|error| panic!("{name}: {error}"));
+            words.replace(folder.path().to_str().expect("a path"), "")
+        };
+        let text = String::from_utf8(text).expect("a text");
+        let expected = read(&text);
+        for other in [format!("\u{feff}{text}"), text.replace('\n', "\r\n"), format!("\u{feff}{}", text.replace('\n', "\r\n"))] {
+            assert_eq!(read(&other), expected, "{name}");
+        }
+    }
+}
+
+/// Files of one kind where another is expected, with a line that is too long for any message.
+#[test]
+fn other_files_are_named_in_short() {
+    let long = ["x = 1 ", "1 2 3\n", "a: b: c ", "\u{1}\u{1b}[2J", "[", "\u{e9}"].map(|part| part.repeat(60_000));
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, _, read) in texts() {
+        let path = folder.path().join(name);
+        for bytes in long.iter().map(|text| text.as_bytes()).chain([&b"\x89PNG\r\n\x1a\n"[..], &[0; 5000], &[0xFF; 5000]]) {
+            fs::write(&path, bytes).expect("a file");
+            if let Err(error) = read(&path) {
+                let message = error.to_string();
+                check_message(&message);
+                assert!(!message.contains("damaged"), "{message}");
+            }
+        }
+    }
 }
 
 /// Parsers that recurse would overflow their stacks, and end the program.

@@ -97,17 +97,21 @@ impl PairCalibration {
         Ok(PairCalibration { size, focal_px: focal[0], principal_point: [point[0], point[1]], baseline_mm, doffs })
     }
 
-    /// Refuses images that are not as large as those of the calibration in `path`.
+    /// Refuses images that are not as large as those of the calibration in `path`, or, if it does not tell how large those are, that
+    /// do not have the principal point.
     ///
     /// # Errors
     /// [`Error::Format`].
     pub fn check_size(&self, path: &Path, [width, height]: [usize; 2]) -> Result<()> {
-        match self.size.filter(|size| *size != [width, height]) {
-            Some([w, h]) => {
-                Err(Error::format(path, format!("a calibration of {w}x{h} pixels"), format!("{width}x{height} as the images")))
+        let [u, v] = self.principal_point;
+        let found = match self.size {
+            Some([w, h]) if [w, h] != [width, height] => format!("a calibration of {w}x{h} pixels"),
+            None if !(0.0..width as f64).contains(&u) || !(0.0..height as f64).contains(&v) => {
+                format!("a principal point at {u}, {v}")
             }
-            None => Ok(()),
-        }
+            _ => return Ok(()),
+        };
+        Err(Error::format(path, found, format!("that of images of {width}x{height} pixels, as these are")))
     }
 
     /// The rig of a folder of Middlebury.
@@ -167,7 +171,14 @@ mod tests {
         // (44.85728 + 339.5242) / 721.5377 m.
         assert!((kitti.baseline_mm - 532.725).abs() < 1e-2, "{kitti:?}");
         assert_eq!((kitti.size, kitti.focal_px, kitti.doffs), (Some([1242, 375]), 721.5377, 0.0));
-        assert_eq!(read(&KITTI.replace("P_rect_02", "P2").replace("P_rect_03", "P3")).unwrap(), kitti);
+        let unsized_file = KITTI.replace("S_rect_02", "S_02");
+        assert_eq!(
+            read(&unsized_file.replace("P_rect_02", "P2").replace("P_rect_03", "P3")).unwrap(),
+            PairCalibration { size: None, ..kitti }
+        );
+        let refused = |text: &str| read(text).unwrap().check_size(Path::new("calib.txt"), [600, 375]).unwrap_err().to_string();
+        assert!(refused(KITTI).contains("found a calibration of 1242x375 pixels, expected that of images of 600x375"));
+        assert!(refused(&unsized_file).contains("found a principal point at 609.5593, 172.854"));
         for (text, expected) in [
             (MIDDLEBURY.replace("baseline", "base"), "calib.txt: found no baseline"),
             (MIDDLEBURY.replace("doffs=131", "doffs=13"), "found doffs=13.111, expected 131.11"),
@@ -194,6 +205,6 @@ mod tests {
         assert!((geometry.depth_mm(68.889).unwrap() - 193.001 * 3997.684 / 200.0).abs() < 1e-9);
         image::GrayImage::new(5, 4).save(at("im0.png")).unwrap();
         let message = Rig::load(dir.path()).unwrap_err().to_string();
-        assert!(message.contains("calib.txt: found a calibration of 6x4 pixels, expected 5x4"), "{message}");
+        assert!(message.contains("calib.txt: found a calibration of 6x4 pixels, expected that of images of 5x4"), "{message}");
     }
 }

@@ -172,13 +172,12 @@ pub(crate) fn first_line(text: &str) -> String {
     if lines.next().is_some() && !line.ends_with("...") { line + "..." } else { line }
 }
 
-/// The first `most` characters of a text, and dots for the rest. None of them commands a terminal.
+/// The first `most` characters of a text, and dots for the rest.
 fn shortened(text: &str, most: usize) -> String {
-    let mut shown: String = text.chars().take(most).collect();
-    if shown.len() < text.len() {
-        shown.push_str("...");
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.into(),
     }
-    shown.replace(char::is_control, "\u{fffd}")
 }
 
 /// The result of an operation on the host.

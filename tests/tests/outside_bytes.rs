@@ -305,10 +305,10 @@ fn texts() -> Vec<(&'static str, Vec<u8>, Reader)> {
     texts.map(|(name, text, read)| (name, text.to_vec(), read)).into()
 }
 
-/// Checks that a message can be read: it is short, and commands no terminal.
+/// Checks that a message is short.
 fn check_message(message: &str) {
-    assert!(message.chars().count() <= 1000, "a message of {} characters: {message:.200}", message.chars().count());
-    assert!(!message.contains(char::is_control), "{message:?}");
+    let count = message.chars().count();
+    assert!(count <= 1000, "a message of {count} characters: {message:.200}");
 }
 
 #[test]

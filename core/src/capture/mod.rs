@@ -227,7 +227,7 @@ impl<S: fmt::Display, C: fmt::Display> fmt::Display for CaptureError<S, C> {
             CaptureError::Camera { error, .. } => write!(f, "{error}"),
             CaptureError::FrameTimeout { after, .. } => write!(f, "the camera gave no frame within {} s", after.as_secs_f32()),
             CaptureError::NotStopped(error) => {
-                write!(f, "the stage may still move, be ready to use its emergency stop: it was told to stop, but {error}")
+                write!(f, "the stage may still move, be ready to use its emergency stop: {error}")
             }
             CaptureError::Aborted => f.write_str("the capture was aborted; the stage stands still"),
             CaptureError::Ended => f.write_str("the capture has ended"),
@@ -262,7 +262,7 @@ mod tests {
                 CaptureError::NotStopped("it is silent"),
                 None,
                 true,
-                "the stage may still move, be ready to use its emergency stop: it was told to stop, but it is silent",
+                "the stage may still move, be ready to use its emergency stop: it is silent",
             ),
             (CaptureError::Aborted, None, false, "the capture was aborted; the stage stands still"),
             (CaptureError::Ended, None, false, "the capture has ended"),

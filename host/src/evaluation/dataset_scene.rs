@@ -11,10 +11,7 @@ use multiscopic_core::Views;
 use super::dataset::Dataset;
 use crate::{
     error::{Error, Result},
-    files::{
-        FrameFiles, Limits, MatchedImages,
-        image_codec::{CodedFile, Decoded},
-    },
+    files::{FrameFiles, Limits, MatchedImages, decoded::Decoded, image_codec::CodedFile},
     images::{FloatImage, Frames, Picture},
 };
 

@@ -7,7 +7,8 @@ use multiscopic_core::Disparity;
 
 use super::{
     Limits,
-    image_codec::{self, CodedFile, Decoded, Numbers},
+    decoded::{Decoded, Numbers},
+    image_codec::{self, CodedFile},
 };
 use crate::{
     error::{Error, Result},
@@ -106,82 +107,90 @@ const MAX_OFF: f64 = 0.1;
 /// The least median of disparities in [`DisparityEncoding::Raw16`], unless the images show others: cameras look ahead.
 const MIN_MEDIAN: f32 = -64.0;
 
-/// Reads disparities in pixels, not finite where unknown: a PFM, NPY, NPZ or TIFF file of real numbers, or whole ones of 16 bits
-/// in a PNG, PGM, TIFF or NPY file. Of these, the numbers tell the encoding: the one that agrees with what is seen in `images`,
-/// or the only one with plausible disparities.
+/// Disparities from a file.
+#[derive(Clone, Debug)]
+pub struct StoredDisparities {
+    /// Disparities in pixels, not finite where unknown.
+    pub map: FloatImage,
+    /// The numbers that the file has for them.
+    pub encoding: DisparityEncoding,
+    /// The reason why they may belong to other images, or be no disparities. It completes the sentence "the file has ...".
+    pub doubt: Option<String>,
+}
+
+/// Reads disparities: a PFM, NPY, NPZ or TIFF file of real numbers, or whole ones of 16 bits in a PNG, PGM, TIFF or NPY file. Of
+/// these, the numbers tell the encoding: the one that agrees with what is seen in `images`, or the only one with plausible
+/// disparities.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::PictureSize`], and [`Error::Format`] if the file has other contents or is damaged, the size is not
-/// that of the images, no pixel has a disparity, or the images show others.
-pub fn read_disparities(
-    path: &Path,
-    images: Option<&MatchedImages<'_>>,
-    limits: Limits,
-) -> Result<(FloatImage, DisparityEncoding)> {
+/// that of the images, no pixel has a disparity, or the encoding is not clear.
+pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>, limits: Limits) -> Result<StoredDisparities> {
     use DisparityEncoding::{Kitti, OpenCv, Pixels, Raw16};
-    let (numbers, own, others): (FloatImage, Option<_>, &[_]) =
-        match CodedFile::new(path, &limits.read(path)?, limits)?.decode()? {
-            Decoded::Numbers(Numbers { map, is_whole: false }) => (map, Some(Pixels), &[]),
-            Decoded::Numbers(Numbers { map, is_whole: true }) => (map, None, &[Pixels, OpenCv, Kitti]),
-            Decoded::Samples(DynamicImage::ImageLuma16(image)) => {
-                let numbers = image.as_raw().iter().map(|&sample| sample.into()).collect();
-                (FloatImage::new(image.width() as usize, image.height() as usize, numbers), Some(Raw16), &[Kitti, OpenCv])
-            }
-            Decoded::Samples(other) => {
-                let found = format!("an image of {:?}", other.color());
-                let expected = "disparities: in pixels as PFM, NPY or TIFF of real numbers, or in a 16-bit grey image (L16)";
-                return Err(Error::format(path, found, expected));
-            }
-        };
-    let decoded = |encoding: DisparityEncoding| (numbers.map(|&number| encoding.disparity(number)), encoding);
-    let own = own.map(decoded);
-    let seen = match images {
-        Some(images) => {
-            images.check_size(path, &numbers)?;
-            images.seen.as_ref()
+    // The first encoding is that of this program, if it writes such files.
+    let (numbers, encodings): (FloatImage, &[_]) = match CodedFile::new(path, &limits.read(path)?, limits)?.decode()? {
+        Decoded::Numbers(Numbers { map, is_whole: false }) => (map, &[Some(Pixels)]),
+        Decoded::Numbers(Numbers { map, is_whole: true }) => (map, &[None, Some(Pixels), Some(OpenCv), Some(Kitti)]),
+        Decoded::Samples(DynamicImage::ImageLuma16(image)) => {
+            let numbers = image.as_raw().iter().map(|&sample| sample.into()).collect();
+            let map = FloatImage::new(image.width() as usize, image.height() as usize, numbers);
+            (map, &[Some(Raw16), Some(Kitti), Some(OpenCv)])
         }
-        None => None,
-    };
-    let none = || Error::format(path, "no pixel with a disparity", "the disparities of the centre image");
-    if let Some((map, encoding)) = own.as_ref() {
-        let is_likely = match (median(map), seen, encoding) {
-            // A map may be empty, but cannot be compared.
-            (None, ..) if images.is_some() => return Err(none()),
-            (None, ..) | (_, None, Pixels) => true,
-            (Some(median), None, _) => (MIN_MEDIAN..=map.width() as f32).contains(&median),
-            (Some(_), Some(seen), _) => {
-                if correlation(map, seen).is_some_and(|correlation| correlation < MAX_DEPTH) {
-                    let found =
-                        "numbers that fall where the disparities of the images rise, as depths and negated disparities do";
-                    return Err(Error::format(path, found, "disparities: those that a match writes by -o"));
-                }
-                share_shown(map, seen) >= MIN_SHOWN
-            }
-        };
-        if is_likely {
-            return Ok(own.expect("it was there"));
+        Decoded::Samples(other) => {
+            let found = format!("an image of {:?}", other.color());
+            let expected = "disparities: in pixels as PFM, NPY or TIFF of real numbers, or in a 16-bit grey image (L16)";
+            return Err(Error::format(path, found, expected));
         }
-    }
-    let mut maps: Vec<_> = others.iter().map(|&encoding| decoded(encoding)).collect();
-    let is_plausible = |(map, _): &(FloatImage, DisparityEncoding)| match seen {
-        Some(seen) => agrees(map, seen),
-        None => median(map).is_some_and(|median| median <= map.width() as f32 / 4.0),
     };
-    let plausible: Vec<usize> = (0..maps.len()).filter(|&i| is_plausible(&maps[i])).collect();
-    if let [i] = plausible[..] {
-        return Ok(maps.swap_remove(i));
+    if let Some(images) = images {
+        images.check_size(path, &numbers)?;
     }
-    let medians = own.iter().chain(&maps).filter_map(|(map, encoding)| Some(format!("{:.1} ({encoding})", median(map)?)));
-    let medians: Vec<String> = medians.collect();
-    if medians.is_empty() {
-        return Err(none());
-    }
-    let expected = match seen {
-        Some(seen) => format!("some from {} to {}, as the images show", seen.range.start(), seen.range.end()),
-        None => "one of them alone to be plausible".into(),
+    let seen = images.and_then(|images| images.seen.as_ref());
+    let stored = |encoding: DisparityEncoding| {
+        let map = numbers.map(|&number| encoding.disparity(number));
+        let doubt = seen.and_then(|seen| doubt(&map, seen));
+        StoredDisparities { map, encoding, doubt }
     };
-    let found = format!("disparities near {}", medians.join(" or "));
-    Err(Error::format(path, found, format!("{expected}: store disparities in pixels, as PFM or NPY")))
+    let own = encodings[0].map(stored);
+    let mut others: Vec<_> = encodings[1..].iter().flatten().copied().map(stored).collect();
+    let middles: Vec<_> = own.iter().chain(&others).filter_map(|stored| Some((median(&stored.map)?, stored.encoding))).collect();
+    if middles.is_empty() {
+        // A map may be empty, but cannot be compared.
+        let none = || Error::format(path, "no pixel with a disparity", "the disparities of the centre image");
+        return own.filter(|_| images.is_none()).ok_or_else(none);
+    }
+    let width = numbers.width() as f32;
+    let is_plausible = |own: &StoredDisparities| {
+        own.encoding == Pixels || median(&own.map).is_some_and(|median| (MIN_MEDIAN..=width).contains(&median))
+    };
+    let (own, doubtful) = match own.filter(is_plausible) {
+        Some(own) if own.doubt.is_some() => (None, Some(own)),
+        own => (own, None),
+    };
+    others.retain(|other| match seen {
+        Some(seen) => agrees(&other.map, seen),
+        None => median(&other.map).is_some_and(|median| median <= width / 4.0),
+    });
+    let other = if others.len() == 1 { others.pop() } else { None };
+    own.or(other).or(doubtful).ok_or_else(|| {
+        let found: Vec<String> = middles.iter().map(|(median, encoding)| format!("{median:.1} ({encoding})")).collect();
+        let expected = match seen {
+            Some(seen) => format!("some from {} to {}, as the images show", seen.range.start(), seen.range.end()),
+            None => "one of them alone to be plausible".into(),
+        };
+        let found = format!("disparities near {}", found.join(" or "));
+        Error::format(path, found, format!("{expected}: store disparities in pixels, as PFM or NPY"))
+    })
+}
+
+/// The reason why a map does not seem to have the disparities that are seen.
+fn doubt(map: &FloatImage, seen: &CornerDisparities<'_>) -> Option<String> {
+    if correlation(map, seen).is_some_and(|correlation| correlation < MAX_DEPTH) {
+        return Some("numbers that fall where the disparities of the images rise, as depths and negated disparities do".into());
+    }
+    let middle = median(map)?;
+    let (start, end) = (seen.range.start(), seen.range.end());
+    (share_shown(map, seen) < MIN_SHOWN).then(|| format!("disparities near {middle:.1}, but the images show {start} to {end}"))
 }
 
 impl MatchedImages<'_> {
@@ -263,8 +272,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("raw.png");
         write_raw16(&map(), &path).unwrap();
-        let (read, encoding) = read_disparities(&path, None, Limits::DEFAULT).unwrap();
-        assert_eq!((DisparityMap::from_float(&read), encoding), (map(), DisparityEncoding::Raw16));
+        let read = read_disparities(&path, None, Limits::DEFAULT).unwrap();
+        assert_eq!((DisparityMap::from_float(&read.map), read.encoding), (map(), DisparityEncoding::Raw16));
         let image = image::open(&path).unwrap().into_luma16();
         assert_eq!(image.into_raw(), [32768 - 160, 0, 32768 + 3840, 32768, 65535, 1]);
     }
@@ -288,8 +297,8 @@ mod tests {
             (16.0, 0.0, DisparityEncoding::OpenCv),
         ] {
             write(&|d| scale * d + offset);
-            let (map, encoding) = read().unwrap();
-            assert_eq!((encoding, map.get(8, 4)), (expected, 6.0));
+            let StoredDisparities { map, encoding, doubt } = read().unwrap();
+            assert_eq!((encoding, map.get(8, 4), doubt), (expected, 6.0, None));
         }
         let message = |number: &dyn Fn(f64) -> f64| {
             write(number);
@@ -297,8 +306,25 @@ mod tests {
         };
         assert!(message(&|d| 1000.0 * d).contains("expected some from 2 to 17, as the images show"));
         // Depth in millimetres.
-        assert!(message(&|d| 8000.0 / d).contains("numbers that fall where the disparities of the images rise"));
+        assert!(message(&|d| 8000.0 / d).contains("expected some from 2 to 17, as the images show"));
         assert!(message(&|_| 0.0).contains("no pixel with a disparity"));
+    }
+
+    #[test]
+    fn disparities_of_other_images_are_doubted() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("d.pfm");
+        let places: Vec<_> = (0..30).map(|i| ([i, i], 4.0 + 0.5 * i as f64)).collect();
+        let seen = CornerDisparities { places: &places, error: 1.5, range: 2..=20 };
+        let images = MatchedImages { center: Path::new("c.png"), size: [40, 30], seen: Some(seen) };
+        let doubt = |disparity: fn(f32) -> f32| {
+            let map = (0..30 * 40).map(|i| disparity(4.0 + 0.5 * (i % 40) as f32)).collect();
+            crate::files::write_pfm(&FloatImage::new(40, 30, map), &path).unwrap();
+            read_disparities(&path, Some(&images), Limits::DEFAULT).unwrap().doubt.unwrap_or_default()
+        };
+        assert_eq!(doubt(|d| d), "");
+        assert_eq!(doubt(|d| d + 100.0), "disparities near 114.0, but the images show 2 to 20");
+        assert!(doubt(|d| 1000.0 / d).contains("as depths and negated disparities do"));
     }
 
     #[test]

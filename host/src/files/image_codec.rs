@@ -12,28 +12,20 @@ use image::{
     codecs::png::PngEncoder, metadata::Orientation,
 };
 
-use super::{Limits, file_kind::FileKind, jpeg_scans, netpbm::Netpbm, npy, output, pfm::decode_pfm, tiff_files::TiffFile};
+use super::{
+    Limits,
+    decoded::{Decoded, Numbers, damaged},
+    file_kind::FileKind,
+    jpeg_scans,
+    netpbm::Netpbm,
+    npy, output,
+    pfm::decode_pfm,
+    tiff_files::TiffFile,
+};
 use crate::{
     caught::caught,
     error::{Error, Result},
-    images::FloatImage,
 };
-
-/// The contents of a file.
-pub(crate) enum Decoded {
-    /// Samples of 8 or 16 bits, turned upright.
-    Samples(DynamicImage),
-    /// Numbers of one channel.
-    Numbers(Numbers),
-}
-
-/// Real or signed numbers.
-pub(crate) struct Numbers {
-    /// The numbers.
-    pub(crate) map: FloatImage,
-    /// Set if the file's numbers are whole by their type.
-    pub(crate) is_whole: bool,
-}
 
 /// A file that is not decoded yet. Its contents decide the format, not the name.
 pub(crate) struct CodedFile<'a> {
@@ -142,14 +134,6 @@ impl<'a> CodedFile<'a> {
         };
         damaged(self.path, &name, cause)
     }
-}
-
-/// The error of a damaged file of the format `name`.
-pub(super) fn damaged(path: &Path, name: &str, cause: &dyn Display) -> Error {
-    // Some decoders' messages have several lines.
-    let cause = cause.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-    let found = format!("a damaged or truncated {name} image ({cause})");
-    Error::format(path, found, "a complete one: copy or capture it again")
 }
 
 /// Writes `image` as a PNG file.

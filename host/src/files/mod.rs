@@ -1,6 +1,7 @@
 //! Reading and writing files: pictures, frames, disparity maps, point clouds and rigs. An output is complete,
 //! or it is not there.
 
+pub(crate) mod decoded;
 mod disparity_files;
 mod file_kind;
 mod frame_files;
@@ -15,14 +16,18 @@ mod pfm;
 mod picture_files;
 pub mod ply;
 mod rig_file;
+mod rig_list;
 #[cfg(feature = "mcap")]
 pub mod ros;
 mod tiff_files;
 
-pub use disparity_files::{CornerDisparities, DisparityEncoding, MatchedImages, read_disparities, write_depth_mm, write_raw16};
+pub use disparity_files::{
+    CornerDisparities, DisparityEncoding, MatchedImages, StoredDisparities, read_disparities, write_depth_mm, write_raw16,
+};
 pub use frame_files::FrameFiles;
 pub use input::Limits;
 pub use npy::{write_npy, write_npz};
 pub use pair_calibration::PairCalibration;
 pub use pfm::{pfm_bytes, read_pfm, read_pfm_within, write_pfm};
-pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};
+pub use rig_file::{AlignmentRecord, Provenance, Residual, Rig};
+pub use rig_list::ListedRig;

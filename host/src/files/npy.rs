@@ -11,7 +11,7 @@ use zip::{ZipArchive, ZipWriter, write::SimpleFileOptions};
 
 use super::{
     Limits,
-    image_codec::{Numbers, damaged},
+    decoded::{Numbers, damaged},
     output,
 };
 use crate::{

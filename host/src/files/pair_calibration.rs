@@ -1,11 +1,8 @@
 //! The calibrations of rectified pairs of images, as data sets keep them.
 
-use std::{
-    collections::HashMap,
-    path::{Path, PathBuf},
-};
+use std::{collections::HashMap, path::Path};
 
-use super::{FrameFiles, Provenance, Rig, input};
+use super::input;
 use crate::error::{Error, Result};
 
 /// The camera of a rectified pair: of Middlebury since 2014 (`calib.txt`) or KITTI (a file with `P2` and `P3`, or `P_rect_02` and
@@ -113,27 +110,6 @@ impl PairCalibration {
         };
         Err(Error::format(path, found, format!("that of images of {width}x{height} pixels, as these are")))
     }
-
-    /// The rig of a folder of Middlebury.
-    pub(super) fn rig_in(directory: &Path) -> Result<Rig> {
-        let path = directory.join(PairCalibration::FILE_NAME);
-        let calibration = PairCalibration::read(&path)?;
-        let [center, right] = PairCalibration::IMAGES.map(PathBuf::from);
-        let image = directory.join(&center);
-        let size = image::image_dimensions(&image).map_err(|error| Error::format(&image, error.to_string(), "a PNG image"))?;
-        calibration.check_size(&path, [size.0 as usize, size.1 as usize])?;
-        Ok(Rig {
-            baseline_mm: Some(calibration.baseline_mm),
-            focal_px: Some(calibration.focal_px),
-            principal_point: Some(calibration.principal_point),
-            doffs: calibration.doffs,
-            lens: None,
-            mount_rotation_deg: None,
-            images: FrameFiles { center, right: Some(right), ..FrameFiles::default() },
-            capture: Provenance::default(),
-            alignment: None,
-        })
-    }
 }
 
 #[cfg(test)]
@@ -188,23 +164,5 @@ mod tests {
             let message = read(&text).unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");
         }
-    }
-
-    #[test]
-    fn a_folder_of_middlebury_is_a_rig() {
-        let dir = tempfile::tempdir().unwrap();
-        let at = |name: &str| dir.path().join(name);
-        fs::write(at("calib.txt"), MIDDLEBURY.replace("2964", "6").replace("1988", "4")).unwrap();
-        assert_eq!(Rig::file_in(dir.path()), None);
-        for name in PairCalibration::IMAGES {
-            image::GrayImage::new(6, 4).save(at(name)).unwrap();
-        }
-        assert_eq!(Rig::file_in(dir.path()), Some(at("calib.txt")));
-        let geometry = Rig::load(dir.path()).unwrap().geometry([6, 4]).unwrap();
-        // Z = baseline * f / (d + doffs), as Middlebury's page has it.
-        assert!((geometry.depth_mm(68.889).unwrap() - 193.001 * 3997.684 / 200.0).abs() < 1e-9);
-        image::GrayImage::new(5, 4).save(at("im0.png")).unwrap();
-        let message = Rig::load(dir.path()).unwrap_err().to_string();
-        assert!(message.contains("calib.txt: found a calibration of 6x4 pixels, expected that of images of 5x4"), "{message}");
     }
 }

@@ -9,7 +9,8 @@ use crate::{
     error::{Error, Result},
     files::{
         Limits,
-        image_codec::{self, CodedFile, Decoded},
+        decoded::Decoded,
+        image_codec::{self, CodedFile},
     },
     images::{BitDepth, FloatImage, Picture},
 };

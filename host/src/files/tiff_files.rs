@@ -11,7 +11,7 @@ use tiff::{
 
 use super::{
     Limits,
-    image_codec::{Decoded, Numbers, damaged},
+    decoded::{Decoded, Numbers, damaged},
 };
 use crate::{
     error::{Error, Result},

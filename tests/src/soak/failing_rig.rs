@@ -92,7 +92,7 @@ impl Trouble {
             Trouble::Arm(_) => unreachable!("no such trouble is made"),
             Trouble::Disconnection => ("arm: connections break", &["lost the connection"]),
             Trouble::Machine(machine::Fault::LimitSwitch { .. }) => ("machine: limit switch", &["alarm"]),
-            Trouble::Machine(machine::Fault::Stuck) => ("machine: stuck", &["came no nearer", "is still busy"]),
+            Trouble::Machine(machine::Fault::Stuck) => ("machine: stuck", &["came no nearer", "is still busy", "still moves"]),
             Trouble::Machine(machine::Fault::Silent) => ("machine: silent", &["nothing came from"]),
             Trouble::Machine(machine::Fault::Refusing) => ("machine: refuses moves", &["refused `"]),
             Trouble::Machine(_) => unreachable!("no such trouble is made"),

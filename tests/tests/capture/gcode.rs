@@ -317,8 +317,7 @@ fn a_machine_that_does_not_stop_is_reset() {
     let mut stage = bench.machine.stage(&Limits { silence_timeout: Duration::from_secs(1), ..slow() }).unwrap();
     bench.machine.fail(Fault::Unstoppable);
     bench.set_out(&mut stage, at(90_000, 0));
-    let error = bench.soon(|| stage.stop()).unwrap_err();
-    assert!(matches!(error, StageError::StillMoving { .. }), "{error}");
+    bench.soon(|| stage.stop()).unwrap();
     // The reset stopped it, and its position is lost.
     assert!(!bench.machine.is_moving());
     assert!(matches!(stage.move_to(at(0, 0)), Err(StageError::Alarm { .. })));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use multiscopic::{
     Alignment, DisparityMap, FloatImage, Frames, Geometry, MatchSetup, Result,
-    files::{self, DisparityEncoding, MatchedImages},
+    files::{self, DisparityEncoding, MatchedImages, StoredDisparities},
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
@@ -55,11 +55,15 @@ pub fn say_if_much(what: &str, bytes: u64) {
     }
 }
 
-/// Reads the disparities of `images`, or of unknown ones. Tells if they are encoded as other programs do.
+/// Reads the disparities of `images`, or of unknown ones. Tells if they are encoded as other programs do, or may be wrong.
 pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>) -> Result<FloatImage> {
-    let (map, encoding) = files::read_disparities(path, images, limits())?;
+    let StoredDisparities { map, encoding, doubt } = files::read_disparities(path, images, limits())?;
+    let path = path.display();
+    if let Some(doubt) = doubt {
+        terminal::warn(&format!("{path} has {doubt}: are they the disparities of these images?"));
+    }
     if matches!(encoding, DisparityEncoding::Kitti | DisparityEncoding::OpenCv) {
-        terminal::say(&format!("{} is read as {encoding}", path.display()));
+        terminal::say(&format!("{path} is read as {encoding}"));
     }
     Ok(map)
 }

@@ -9,7 +9,7 @@ use std::{
 use clap::{Args, Subcommand};
 use multiscopic::{
     Error, Frames, Result, Rig,
-    files::{FrameFiles, PairCalibration, Provenance},
+    files::{FrameFiles, PairCalibration},
     images::Layout,
 };
 use multiscopic_core::{Frame, View};
@@ -96,16 +96,12 @@ impl Init {
         // Reading them all finds photos of different sizes now instead of later.
         let (frames, _) = Frames::load_each(&images.within(directory), limits(), |_| Ok(None))?;
         let pair = self.calibration.as_deref().map(|path| self.pair(path, &frames)).transpose()?;
+        let known = Rig::of_pair(pair.as_ref(), images);
         let rig = Rig {
-            baseline_mm: self.baseline_mm.or(pair.map(|pair| pair.baseline_mm)),
-            focal_px: self.focal_px.or(pair.map(|pair| pair.focal_px)),
-            principal_point: self.principal_point.or(pair.map(|pair| pair.principal_point)),
-            doffs: pair.map_or(0.0, |pair| pair.doffs),
-            lens: None,
-            mount_rotation_deg: None,
-            images,
-            alignment: None,
-            capture: Provenance::default(),
+            baseline_mm: self.baseline_mm.or(known.baseline_mm),
+            focal_px: self.focal_px.or(known.focal_px),
+            principal_point: self.principal_point.or(known.principal_point),
+            ..known
         };
         rig.save(directory)?;
         for frame in [Frame::Center].into_iter().chain(frames.views().iter().map(Frame::View)) {

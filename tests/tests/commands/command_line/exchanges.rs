@@ -3,7 +3,7 @@
 use multiscopic_tests::program::{Invocation, make};
 
 /// The outputs of commands on a rig with `D` for the folder of outputs, and the inputs that take them, of [`INPUTS`].
-const OUTPUTS: [(&str, &str); 16] = [
+const OUTPUTS: [(&str, &str); 19] = [
     ("d.pfm", "prior truth view"),
     ("d.npy", "prior truth view"),
     ("d.npz", "prior truth view"),
@@ -21,10 +21,13 @@ const OUTPUTS: [(&str, &str); 16] = [
     ("metrics.json", ""),
     ("packets", "listen"),
     ("scene/0000", "rig evaluate view"),
+    ("aligned", "rig evaluate view"),
+    ("captured", "rig evaluate view"),
+    ("mount.toml", "mount"),
 ];
 
 /// Inputs, and command lines with `X` for the output, `RIG` for the rig and `D` for a folder.
-const INPUTS: [(&str, &str); 8] = [
+const INPUTS: [(&str, &str); 9] = [
     ("center", "match --center X --right X --method bm --num-disparities 10 -o D/o.pfm"),
     ("prior", "match RIG --prior X -o D/o.pfm"),
     ("truth", "evaluate RIG --truth X --methods bm --num-disparities 10"),
@@ -33,6 +36,7 @@ const INPUTS: [(&str, &str); 8] = [
     ("lens", "match RIG --lens X --method bm --num-disparities 10 -o D/o.pfm"),
     ("rig", "match X --method bm --num-disparities 10 -o D/o.pfm"),
     ("evaluate", "evaluate X --methods bm --num-disparities 10"),
+    ("mount", "capture --camera sim --stage sim --baseline 8 --views 2 --size 96x72 --settle 0 --mount X -o D/mounted"),
 ];
 
 #[test]
@@ -59,6 +63,9 @@ fn every_output_is_an_input_where_it_makes_sense() {
         "evaluate RIG --methods bm --json D/metrics.json",
         "simulate --profile qqvga --packets D/packets",
         "scene --random --seed 1 --count 1 --size 96x72 -o D/scene",
+        "align RIG -o D/aligned",
+        "capture --camera sim --stage sim --baseline 8 --views 2 --size 96x72 --settle 0 -o D/captured",
+        "calibrate mount --camera sim --stage sim --settle 0 -o D/mount.toml",
     ] {
         let run = run(command, "");
         assert_eq!(run.code, Some(0), "{command}: {run:#?}");

@@ -91,13 +91,12 @@ impl<P: Read + Write> Stage for Grbl<P> {
         Ok(Some(to_position(self.start, self.link.status()?.coordinates)))
     }
 
-    /// Holds the machine until it stands still, then resets it softly. The position stays known.
+    /// Holds the machine until it stands still, then resets it softly. The position stays known, unless the hold fails and the
+    /// reset stops the machine abruptly: then it is locked.
     fn stop(&mut self) -> Result<(), StageError> {
         self.current_move = None;
-        let held = self.link.feed_hold();
-        // Even if the hold failed: the reset stops the machine too, though abruptly.
-        let reset = self.link.soft_reset();
-        held.and(reset)?;
+        let _ = self.link.feed_hold();
+        self.link.soft_reset()?;
         self.link.check_standstill()
     }
 }

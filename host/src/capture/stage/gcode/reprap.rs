@@ -50,6 +50,8 @@ enum Motion {
     Moving { target: [f64; 2], due: Due },
     /// Standing still at its target.
     Arrived,
+    /// Halted by the firmware, which says so, and answers no more.
+    Halted,
 }
 
 /// A report of coordinates that is due.
@@ -121,6 +123,7 @@ impl<P: Read + Write> RepRap<P> {
         let lower = line.to_lowercase();
         let has = |words: &[&str]| words.iter().any(|words| lower.contains(words));
         if has(&["halted", "kill()", "shutdown", "emergency stop"]) {
+            (self.motion, self.start) = (Motion::Halted, None);
             return Err(StageError::Alarm { by, reason: line.into() });
         }
         let is_refusal = lower.starts_with("error:")
@@ -228,7 +231,7 @@ impl<P: Read + Write> Stage for RepRap<P> {
     /// Waits until the present segment has ended.
     fn stop(&mut self) -> Result<(), StageError> {
         let ended = match self.motion {
-            Motion::Arrived => return Ok(()),
+            Motion::Arrived | Motion::Halted => return Ok(()),
             Motion::Moving { .. } => self.report(&self.segment()),
             Motion::Idle => self.query(&["M400", "M114"]),
         };

@@ -124,7 +124,7 @@ pub struct StoredDisparities {
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::PictureSize`], and [`Error::Format`] if the file has other contents or is damaged, the size is not
-/// that of the images, no pixel has a disparity, or the encoding is not clear.
+/// that of the images, no pixel has a disparity, they are depths, or the encoding is not clear.
 pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>, limits: Limits) -> Result<StoredDisparities> {
     use DisparityEncoding::{Kitti, OpenCv, Pixels, Raw16};
     // The first encoding is that of this program, if it writes such files.
@@ -163,7 +163,12 @@ pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>, limits:
     let is_plausible = |own: &StoredDisparities| {
         own.encoding == Pixels || median(&own.map).is_some_and(|median| (MIN_MEDIAN..=width).contains(&median))
     };
-    let (own, doubtful) = match own.filter(is_plausible) {
+    let own = own.filter(is_plausible);
+    if own.as_ref().zip(seen).is_some_and(|(own, seen)| falls(&own.map, seen)) {
+        let found = "numbers that fall where the disparities of the images rise, as depths and negated disparities do";
+        return Err(Error::format(path, found, "disparities: those that a match writes by -o"));
+    }
+    let (own, doubtful) = match own {
         Some(own) if own.doubt.is_some() => (None, Some(own)),
         own => (own, None),
     };
@@ -183,11 +188,13 @@ pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>, limits:
     })
 }
 
+/// Returns true if the numbers of a map clearly fall where the disparities that are seen rise.
+fn falls(map: &FloatImage, seen: &CornerDisparities<'_>) -> bool {
+    correlation(map, seen).is_some_and(|correlation| correlation < MAX_DEPTH)
+}
+
 /// The reason why a map does not seem to have the disparities that are seen.
 fn doubt(map: &FloatImage, seen: &CornerDisparities<'_>) -> Option<String> {
-    if correlation(map, seen).is_some_and(|correlation| correlation < MAX_DEPTH) {
-        return Some("numbers that fall where the disparities of the images rise, as depths and negated disparities do".into());
-    }
     let middle = median(map)?;
     let (start, end) = (seen.range.start(), seen.range.end());
     (share_shown(map, seen) < MIN_SHOWN).then(|| format!("disparities near {middle:.1}, but the images show {start} to {end}"))
@@ -320,7 +327,8 @@ mod tests {
         let doubt = |disparity: fn(f32) -> f32| {
             let map = (0..30 * 40).map(|i| disparity(4.0 + 0.5 * (i % 40) as f32)).collect();
             crate::files::write_pfm(&FloatImage::new(40, 30, map), &path).unwrap();
-            read_disparities(&path, Some(&images), Limits::DEFAULT).unwrap().doubt.unwrap_or_default()
+            read_disparities(&path, Some(&images), Limits::DEFAULT)
+                .map_or_else(|error| error.to_string(), |stored| stored.doubt.unwrap_or_default())
         };
         assert_eq!(doubt(|d| d), "");
         assert_eq!(doubt(|d| d + 100.0), "disparities near 114.0, but the images show 2 to 20");

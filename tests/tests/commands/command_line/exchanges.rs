@@ -21,7 +21,7 @@ const OUTPUTS: [(&str, &str); 19] = [
     ("metrics.json", ""),
     ("packets", "listen"),
     ("scene/0000", "rig evaluate view"),
-    ("aligned", "rig evaluate view"),
+    ("aligned", "rig view"),
     ("captured", "rig evaluate view"),
     ("mount.toml", "mount"),
 ];
@@ -65,7 +65,7 @@ fn every_output_is_an_input_where_it_makes_sense() {
         "scene --random --seed 1 --count 1 --size 96x72 -o D/scene",
         "align RIG -o D/aligned",
         "capture --camera sim --stage sim --baseline 8 --views 2 --size 96x72 --settle 0 -o D/captured",
-        "calibrate mount --camera sim --stage sim --settle 0 -o D/mount.toml",
+        "calibrate mount --camera sim --stage sim --settle 0 --focal-px 1180 -o D/mount.toml",
     ] {
         let run = run(command, "");
         assert_eq!(run.code, Some(0), "{command}: {run:#?}");

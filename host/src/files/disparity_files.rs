@@ -163,12 +163,12 @@ pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>, limits:
     let is_plausible = |own: &StoredDisparities| {
         own.encoding == Pixels || median(&own.map).is_some_and(|median| (MIN_MEDIAN..=width).contains(&median))
     };
-    let own = own.filter(is_plausible);
-    if own.as_ref().zip(seen).is_some_and(|(own, seen)| falls(&own.map, seen)) {
+    // All encodings rise with disparity.
+    if own.iter().chain(&others).next().zip(seen).is_some_and(|(stored, seen)| falls(&stored.map, seen)) {
         let found = "numbers that fall where the disparities of the images rise, as depths and negated disparities do";
         return Err(Error::format(path, found, "disparities: those that a match writes by -o"));
     }
-    let (own, doubtful) = match own {
+    let (own, doubtful) = match own.filter(is_plausible) {
         Some(own) if own.doubt.is_some() => (None, Some(own)),
         own => (own, None),
     };
@@ -313,7 +313,7 @@ mod tests {
         };
         assert!(message(&|d| 1000.0 * d).contains("expected some from 2 to 17, as the images show"));
         // Depth in millimetres.
-        assert!(message(&|d| 8000.0 / d).contains("expected some from 2 to 17, as the images show"));
+        assert!(message(&|d| 8000.0 / d).contains("numbers that fall where the disparities of the images rise"));
         assert!(message(&|_| 0.0).contains("no pixel with a disparity"));
     }
 

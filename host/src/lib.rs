@@ -20,7 +20,7 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | [`error`], [`progress`], `caught` | what every module reports: errors that name the file, how far long work has come, and panics of others |
+//! | [`error`], [`progress`], `caught` | what every module reports: errors that name the file, progress, and panics of other crates |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: pictures, maps of numbers, PLY, `rig.toml`; whole files or none |
 //! | [`lens`] | lens distortion, the calibration files that describe it, and images without it |

@@ -22,7 +22,8 @@ pub fn limits() -> Limits {
     Limits { max_pixels: MAX_PIXELS.load(Ordering::Relaxed) }
 }
 
-/// Reads an image as the program does: PNG, JPEG, TIFF, BMP, WebP, PGM, PPM or PFM, turned as its EXIF orientation says, in 8 bits.
+/// Reads an image as the program does: PNG, JPEG, TIFF, BMP, WebP, PGM, PPM or PFM, turned as its EXIF orientation says, in 8
+/// bits.
 ///
 /// Args:
 ///     path: the file.

@@ -13,7 +13,8 @@ use multiscopic_core::kernel::{Avx2, Avx512};
 use multiscopic_core::kernel::{Isa, Kernel, Portable};
 
 /// The portable kernel, which the compiler vectorises on any processor. The samples of a vector fill a register of 16 bytes. It
-/// goes pixel by pixel, as on a microcontroller: each loop of a fallback is compiled too. [`simulate`](crate::simulate) shares them.
+/// goes pixel by pixel, as on a microcontroller: each loop of a fallback is compiled too. [`simulate`](crate::simulate) shares
+/// them.
 pub(crate) type Baseline = Portable<16>;
 
 /// Returns true if this processor has a feature that a kernel needs.

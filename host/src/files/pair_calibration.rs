@@ -94,8 +94,8 @@ impl PairCalibration {
         Ok(PairCalibration { size, focal_px: focal[0], principal_point: [point[0], point[1]], baseline_mm, doffs })
     }
 
-    /// Refuses images that are not as large as those of the calibration in `path`, or, if it does not tell how large those are, that
-    /// do not have the principal point.
+    /// Refuses images that are not as large as those of the calibration in `path`, or, if it does not tell how large those are,
+    /// that do not have the principal point.
     ///
     /// # Errors
     /// [`Error::Format`].

@@ -10,8 +10,8 @@ use crate::{
 
 /// Reads a PFM file with one channel, in either byte order.
 ///
-/// As in the Middlebury tools, the sign of the scale gives the byte order, and its magnitude is ignored. Rows come from the bottom,
-/// except in Photoshop's files, whose width and height have a line each.
+/// As in the Middlebury tools, the sign of the scale gives the byte order, and its magnitude is ignored. Rows come from the
+/// bottom, except in Photoshop's files, whose width and height have a line each.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Format`] if the file has another format, or is shorter or longer than its

@@ -20,8 +20,8 @@ impl Picture {
     ///
     /// 16-bit samples are scaled so that white is 65535, rounded to nearest. White is the maximum that a PGM or PPM names, or
     /// else the largest number of [`BitDepth::of_brightest`] bits of this picture: read the pictures of one capture with
-    /// [`Picture::read_within`]. A PFM, or a TIFF of real numbers, holds grey values from 0 to 1, which are rounded to 8 bits. The picture is turned as
-    /// its EXIF orientation says, and transparency is dropped.
+    /// [`Picture::read_within`]. A PFM, or a TIFF of real numbers, holds grey values from 0 to 1, which are rounded to 8 bits.
+    /// The picture is turned as its EXIF orientation says, and transparency is dropped.
     ///
     /// # Errors
     /// [`Error::Read`], or [`Error::Format`] if the file has another format or is truncated or damaged, or

@@ -81,8 +81,8 @@ impl Rig {
     /// The name of the file in a captured folder.
     pub const FILE_NAME: &str = "rig.toml";
 
-    /// The file in `directory` that describes a rig: its `rig.toml`, or else the `calib.txt` beside the `im0.png` and `im1.png` of
-    /// Middlebury since 2014. `None` if there is neither.
+    /// The file in `directory` that describes a rig: its `rig.toml`, or else the `calib.txt` beside the `im0.png` and `im1.png`
+    /// of Middlebury since 2014. `None` if there is neither.
     pub fn file_in(directory: &Path) -> Option<PathBuf> {
         let file = |name: &str| Some(directory.join(name)).filter(|path| path.is_file());
         let images = || PairCalibration::IMAGES.iter().all(|name| file(name).is_some());

@@ -157,9 +157,9 @@ mod tests {
     use super::*;
     use crate::{files::image_codec::CodedFile, images::Picture};
 
-    /// An uncompressed TIFF of 2 x 3 pixels, after the specification (TIFF 6.0): the order of bytes, 42 and the place of the first
-    /// directory; its number of entries; each entry's tag, type (3 is SHORT, 4 LONG), count and value; no next directory; the
-    /// samples.
+    /// An uncompressed TIFF of 2 x 3 pixels, after the specification (TIFF 6.0): the order of bytes, 42 and the place of the
+    /// first directory; its number of entries; each entry's tag, type (3 is SHORT, 4 LONG), count and value; no next directory;
+    /// the samples.
     fn tiff(is_big: bool, bits: u16, channels: u16, others: &[(u16, u32)], samples: &[u8]) -> Vec<u8> {
         let short = |value: u16| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
         let long = |value: u32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };

@@ -26,8 +26,8 @@ use super::{
 
 /// Receives a disparity map from the firmware, and reports the packets that are lost or damaged
 ///
-/// Reads packets up to the end of the frame, or of the next if it begins in the middle of one. A serial port is set raw meanwhile,
-/// and keeps its speed, which other programs set:
+/// Reads packets up to the end of the frame, or of the next if it begins in the middle of one. A serial port is set raw
+/// meanwhile, and keeps its speed, which other programs set:
 ///
 ///     stty -F /dev/ttyACM0 115200
 ///

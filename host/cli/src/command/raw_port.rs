@@ -17,7 +17,8 @@ pub struct RawPort {
 }
 
 impl RawPort {
-    /// Opens the file at `path`. If it is a terminal, which a serial port is as well, it is set raw: it echoes and changes nothing.
+    /// Opens the file at `path`. If it is a terminal, which a serial port is as well, it is set raw: it echoes and changes
+    /// nothing.
     ///
     /// # Errors
     /// [`Error::Read`], and [`Error::Usage`] if a terminal cannot be set raw.

@@ -28,8 +28,9 @@ pub trait CostRows: Sync {
     /// The search that the costs are for: the size of the image, the views and the disparities.
     fn search(&self) -> &SearchSpace;
 
-    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel: as many as there are disparities, rounded up to whole
-    /// vectors of the [instructions](crate::Simd) for the search. Those past the last disparity become [`NONE`](Cost::NONE).
+    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel: as many as there are disparities, rounded up to
+    /// whole vectors of the [instructions](crate::Simd) for the search. Those past the last disparity become
+    /// [`NONE`](Cost::NONE).
     fn row(&self, v: usize, stride: usize, row: &mut [Self::Cost]);
 
     /// Computes the costs of several rows, each with its `v`, as [`row`](CostRows::row) does.

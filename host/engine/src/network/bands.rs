@@ -24,7 +24,8 @@ use crate::{
 /// The rows of pixels that the sides of an image are rounded up to.
 const STEP: usize = BLOCK * BLOCKS;
 
-/// Bands of rows. Each is computed with the rows around that its disparities depend on, so that they are those of the whole image.
+/// Bands of rows. Each is computed with the rows around that its disparities depend on, so that they are those of the whole
+/// image.
 ///
 /// Semi-global matching goes through the image once, by [`EightPaths`]: one thread, and half as many steps again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

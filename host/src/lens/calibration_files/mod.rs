@@ -1,8 +1,8 @@
 //! The files in which calibrations are kept.
 //!
-//! A file whose name ends in `.toml` is a `camera.toml`. Others are YAML, JSON, or ROS's INI, which is turned into YAML first. One
-//! table of names (`camera_fields`) finds the camera in the files of ROS, OpenCV, Kalibr and others. `camera.toml` and ROS's
-//! `camera_info` are also written.
+//! A file whose name ends in `.toml` is a `camera.toml`. Others are YAML, JSON, or ROS's INI, which is turned into YAML first.
+//! One table of names (`camera_fields`) finds the camera in the files of ROS, OpenCV, Kalibr and others. `camera.toml` and
+//! ROS's `camera_info` are also written.
 
 mod camera_fields;
 mod ini;
@@ -22,8 +22,8 @@ impl CameraModel {
     /// The name of the file in a captured folder.
     pub const FILE_NAME: &str = "camera.toml";
 
-    /// Reads a calibration: a `camera.toml` ([`save`](CameraModel::save)), a YAML file of ROS (`camera_info`, or the message itself)
-    /// or OpenCV (`FileStorage`, also as JSON), a camera chain of Kalibr with one camera, or ROS's INI file.
+    /// Reads a calibration: a `camera.toml` ([`save`](CameraModel::save)), a YAML file of ROS (`camera_info`, or the message
+    /// itself) or OpenCV (`FileStorage`, also as JSON), a camera chain of Kalibr with one camera, or ROS's INI file.
     ///
     /// Four coefficients are taken for `k1 k2 p1 p2` unless the file names another model. OpenCV's files do not name a
     /// fisheye, unless they have `fisheye_model: 1` as those of its sample program.

@@ -36,8 +36,8 @@ const EXIT_CODE: &str = "guest: exit code ";
 /// The test program that needs cameras.
 const TEST: &str = "cameras";
 
-/// The tests of `--all` alone, by the beginnings of their names: the slowest captures that fail, which simulated hardware tests too.
-/// They take half of the time.
+/// The tests of `--all` alone, by the beginnings of their names: the slowest captures that fail, which simulated hardware tests
+/// too. They take half of the time.
 const LONG: [&str; 4] = [
     "capture_command::arm_",
     "capture_command::camera_starves",

@@ -50,7 +50,8 @@ enum Task {
     Check,
     /// Run the tests: checked and release builds, cameras in a virtual machine, a sample of the firmware in the emulator
     Test(Extent),
-    /// Run the tests that `test` has in the background: of the firmware and of cameras in emulators, archives, pages, instructions
+    /// Run the tests that `test` has in the background: of the firmware and of cameras in emulators, archives, pages,
+    /// instructions
     Background(Extent),
     /// Check formatting, architecture, lints and documentation
     Lint,

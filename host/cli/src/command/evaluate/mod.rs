@@ -157,8 +157,8 @@ pub fn print_tables(records: &[Record]) -> Result<()> {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Captured folders")]
 struct RigOptions {
-    /// True disparities of the centre at the nearest baseline: in pixels, not finite where unknown, as PFM, NPY, NPZ or TIFF; or in
-    /// a 16-bit image as --raw16, KITTI or OpenCV store them [default: truth.pfm in RIG_DIR, if it is there]
+    /// True disparities of the centre at the nearest baseline: in pixels, not finite where unknown, as PFM, NPY, NPZ or TIFF;
+    /// or in a 16-bit image as --raw16, KITTI or OpenCV store them [default: truth.pfm in RIG_DIR, if it is there]
     #[arg(long, value_name = "TRUTH", conflicts_with = "dataset")]
     truth: Option<PathBuf>,
 

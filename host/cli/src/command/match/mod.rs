@@ -60,8 +60,8 @@ pub struct Match {
     matching: MatchingOptions,
 
     /// Disparities around which all views are searched, instead of over the whole range, of one baseline: in pixels, not finite
-    /// where unknown, as PFM, NPY, NPZ or TIFF; or in a 16-bit image as --raw16, KITTI or OpenCV store them [default: those of the
-    /// views at the shortest of several baselines]
+    /// where unknown, as PFM, NPY, NPZ or TIFF; or in a 16-bit image as --raw16, KITTI or OpenCV store them [default: those of
+    /// the views at the shortest of several baselines]
     #[arg(long, value_name = "PRIOR", conflicts_with_all = PRIOR_EXCLUDES, help_heading = "Several baselines")]
     prior: Option<PathBuf>,
 

@@ -174,7 +174,8 @@ pub fn html() -> impl TypedValueParser<Value = PathBuf> {
     ending(&["html", "htm"])
 }
 
-/// Parses a name with one of the ends, in any characters, as those of inputs. Names without an end are those of devices and pipes.
+/// Parses a name with one of the ends, in any characters, as those of inputs. Names without an end are those of devices and
+/// pipes.
 fn ending(ends: &'static [&str]) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(move |path| with_end(path, ends))
 }

@@ -160,8 +160,8 @@ impl Inputs {
         });
     }
 
-    /// Takes the values of the rows of blocks from `first` on for which there is a volume, and pools them over blocks. `put` takes
-    /// their sum and the least for each candidate of the volume.
+    /// Takes the values of the rows of blocks from `first` on for which there is a volume, and pools them over blocks. `put`
+    /// takes their sum and the least for each candidate of the volume.
     fn take_lines<L: Lines>(
         &mut self,
         lines: &L,

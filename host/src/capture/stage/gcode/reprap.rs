@@ -253,7 +253,8 @@ impl<P: Read + Write> Drop for RepRap<P> {
     }
 }
 
-/// Parses an answer to `M114`, such as `X:0.00 Y:127.00 Z:145.00 E:0.00 Count X: 0 Y:10160 Z:116000`. Old versions have no blanks.
+/// Parses an answer to `M114`, such as `X:0.00 Y:127.00 Z:145.00 E:0.00 Count X: 0 Y:10160 Z:116000`. Old versions have no
+/// blanks.
 fn parse_coordinates(answer: &str) -> Option<[f64; 2]> {
     let number = |name: &str| {
         let rest = answer.split_once(name)?.1.trim_start();

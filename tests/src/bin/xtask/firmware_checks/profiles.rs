@@ -45,9 +45,9 @@ type SampledProfile = (Profile, &'static [Fusion]);
 
 /// The runs of `cargo xtask test`: boards, and the profiles and fusion rules that run there.
 ///
-/// Each kernel for Arm matches blocks by each rule for which it has loops, semi-globally, and with eight views. What does not depend
-/// on the kernel runs on one board: confidences, the network. Column tiles and the prior, which the tests on this machine compare
-/// with the references, are left to `--all`.
+/// Each kernel for Arm matches blocks by each rule for which it has loops, semi-globally, and with eight views. What does not
+/// depend on the kernel runs on one board: confidences, the network. Column tiles and the prior, which the tests on this
+/// machine compare with the references, are left to `--all`.
 const SAMPLE: [(&EmulatedBoard, &[SampledProfile]); 2] = [
     (
         &emulated_board::REFERENCE,

@@ -106,8 +106,8 @@ pub fn lints_for_risc_v() -> Result<()> {
     run(clippy.args(feature.map(|feature| format!("--features={feature}"))).args(["--", "-Dwarnings"]))
 }
 
-/// Packages that take a moment to build, and `serde_json`: what decodes the firmware's log makes it keep all digits of numbers, but
-/// the program is tested as users have it.
+/// Packages that take a moment to build, and `serde_json`: what decodes the firmware's log makes it keep all digits of numbers,
+/// but the program is tested as users have it.
 const BUILT_AGAIN: [&str; 3] = ["multiscopic-drivers", "multiscopic-tests", "serde_json"];
 
 /// The sets of features of each package, by name and version.

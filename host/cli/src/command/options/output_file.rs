@@ -195,13 +195,22 @@ mod tests {
 
     #[test]
     fn names_end_as_their_formats() {
-        let ends = ["pfm", "npy"];
+        let parse = |parser: clap::builder::ValueParser, name: &str| {
+            let command = clap::Command::new("multiscopic").arg(clap::Arg::new("name").value_parser(parser));
+            let parsed = command.try_get_matches_from(["multiscopic", "--", name]).map_err(|error| error.to_string());
+            parsed.map(|found| found.get_one::<PathBuf>("name").expect("a name").clone())
+        };
+        let [floats, depths, png, ply, html] = [floats().into(), depths().into(), png().into(), ply().into(), html().into()]
+            .map(|parser: clap::builder::ValueParser| move |name: &str| parse(parser.clone(), name));
         for name in ["d.pfm", "a/b.c/D.PFM", "/dev/null", "pipe", "-", "d.Npy"] {
-            assert_eq!(with_end(name.into(), &ends).unwrap(), Path::new(name));
+            assert_eq!(floats(name).unwrap(), Path::new(name));
         }
-        for name in ["d.png", "d.pfm.bak"] {
-            let error = with_end(name.into(), &ends).unwrap_err().to_string();
-            assert!(error.contains("it ends in .") && error.contains("writes .pfm or .npy files"), "{error}");
+        for name in ["d.png", "d.pfm.bak", "d.txt"] {
+            let error = floats(name).unwrap_err();
+            assert!(error.contains("it ends in .") && error.contains("writes .pfm or .npy or .npz files"), "{error}");
         }
+        assert!(png("d.jpg").is_err() && ply("d.pfm").is_err() && html("d").is_ok() && html("d.htm").is_ok());
+        assert!(depths("d.png").is_ok() && depths("d.NPY").is_ok() && depths("d.npz").is_ok() && depths("d.exr").is_err());
+        assert!(is_standard_output(&floats("-").unwrap()));
     }
 }

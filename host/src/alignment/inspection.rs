@@ -157,7 +157,8 @@ impl Inspection {
     pub fn of(frames: &Frames) -> Inspection {
         let center = small(frames.get(Frame::Center).expect("frames always have a centre"));
         let corners = corners(&center, CORNERS, RADIUS + 1);
-        let scale = [frames.width() as f64 / f64::from(center.width()), frames.height() as f64 / f64::from(center.height())];
+        let scales = [frames.width() as f64 / f64::from(center.width()), frames.height() as f64 / f64::from(center.height())];
+        let scale = scales[0].max(scales[1]);
         let center = Level::of(&center);
         let views: Vec<View> = frames.views().iter().collect();
         let found: Vec<Vec<Option<f64>>> = views
@@ -176,14 +177,12 @@ impl Inspection {
             are_most && wrong >= MIN_POINTS && wrong as f64 >= MIN_SWAPPED * found.len() as f64
         };
         let swapped = views.iter().zip(&found).filter(|(_, found)| is_swapped(found)).map(|(&view, _)| view).collect();
-        let place = |corner: [usize; 2]| [0, 1].map(|axis| ((corner[axis] as f64 + 0.5) * scale[axis]) as usize);
-        let larger = scale[0].max(scale[1]);
+        let place = |corner: [usize; 2]| [0, 1].map(|axis| ((corner[axis] as f64 + 0.5) * scales[axis]) as usize);
         let places = corners.iter().enumerate().filter_map(|(n, &corner)| {
             let disparity = agreed(found.iter().filter_map(|found| found[n]), views.len())?;
-            Some((place(corner), larger * disparity))
+            Some((place(corner), scale * disparity))
         });
         let places: Vec<([usize; 2], f64)> = places.collect();
-        let scale = larger;
         let mut corners: Vec<f64> = places.iter().map(|(_, disparity)| *disparity).collect();
         corners.sort_unstable_by(f64::total_cmp);
         let image = |view: &View| frames.get(Frame::View(*view)).expect("the view is there");

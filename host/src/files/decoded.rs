@@ -1,4 +1,4 @@
-//! What the decoders of all formats return.
+//! The results of the decoders of all formats.
 
 use std::{fmt::Display, path::Path};
 

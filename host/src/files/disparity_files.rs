@@ -127,63 +127,63 @@ pub struct StoredDisparities {
 /// that of the images, no pixel has a disparity, they are depths, or the encoding is not clear.
 pub fn read_disparities(path: &Path, images: Option<&MatchedImages<'_>>, limits: Limits) -> Result<StoredDisparities> {
     use DisparityEncoding::{Kitti, OpenCv, Pixels, Raw16};
-    // The first encoding is that of this program, if it writes such files.
-    let (numbers, encodings): (FloatImage, &[_]) = match CodedFile::new(path, &limits.read(path)?, limits)?.decode()? {
-        Decoded::Numbers(Numbers { map, is_whole: false }) => (map, &[Some(Pixels)]),
-        Decoded::Numbers(Numbers { map, is_whole: true }) => (map, &[None, Some(Pixels), Some(OpenCv), Some(Kitti)]),
-        Decoded::Samples(DynamicImage::ImageLuma16(image)) => {
-            let numbers = image.as_raw().iter().map(|&sample| sample.into()).collect();
-            let map = FloatImage::new(image.width() as usize, image.height() as usize, numbers);
-            (map, &[Some(Raw16), Some(Kitti), Some(OpenCv)])
-        }
-        Decoded::Samples(other) => {
-            let found = format!("an image of {:?}", other.color());
-            let expected = "disparities: in pixels as PFM, NPY or TIFF of real numbers, or in a 16-bit grey image (L16)";
-            return Err(Error::format(path, found, expected));
-        }
-    };
+    let (numbers, own, others): (FloatImage, Option<_>, &[_]) =
+        match CodedFile::new(path, &limits.read(path)?, limits)?.decode()? {
+            Decoded::Numbers(Numbers { map, is_whole: false }) => (map, Some(Pixels), &[]),
+            Decoded::Numbers(Numbers { map, is_whole: true }) => (map, None, &[Pixels, OpenCv, Kitti]),
+            Decoded::Samples(DynamicImage::ImageLuma16(image)) => {
+                let numbers = image.as_raw().iter().map(|&sample| sample.into()).collect();
+                (FloatImage::new(image.width() as usize, image.height() as usize, numbers), Some(Raw16), &[Kitti, OpenCv])
+            }
+            Decoded::Samples(other) => {
+                let found = format!("an image of {:?}", other.color());
+                let expected = "disparities: in pixels as PFM, NPY or TIFF of real numbers, or in a 16-bit grey image (L16)";
+                return Err(Error::format(path, found, expected));
+            }
+        };
     if let Some(images) = images {
         images.check_size(path, &numbers)?;
     }
     let seen = images.and_then(|images| images.seen.as_ref());
-    let stored = |encoding: DisparityEncoding| {
-        let map = numbers.map(|&number| encoding.disparity(number));
-        let doubt = seen.and_then(|seen| doubt(&map, seen));
-        StoredDisparities { map, encoding, doubt }
-    };
-    let own = encodings[0].map(stored);
-    let mut others: Vec<_> = encodings[1..].iter().flatten().copied().map(stored).collect();
-    let middles: Vec<_> = own.iter().chain(&others).filter_map(|stored| Some((median(&stored.map)?, stored.encoding))).collect();
-    if middles.is_empty() {
+    let decoded = |encoding: DisparityEncoding| numbers.map(|&number| encoding.disparity(number));
+    let own = own.map(|encoding| (encoding, decoded(encoding)));
+    let own_median = own.as_ref().and_then(|(_, map)| median(map));
+    let stored = |(encoding, map)| StoredDisparities { doubt: seen.and_then(|seen| doubt(&map, seen)), map, encoding };
+    if own.is_some() && own_median.is_none() {
         // A map may be empty, but cannot be compared.
         let none = || Error::format(path, "no pixel with a disparity", "the disparities of the centre image");
-        return own.filter(|_| images.is_none()).ok_or_else(none);
+        return own.filter(|_| images.is_none()).map(stored).ok_or_else(none);
     }
-    let width = numbers.width() as f32;
-    let is_plausible = |own: &StoredDisparities| {
-        own.encoding == Pixels || median(&own.map).is_some_and(|median| (MIN_MEDIAN..=width).contains(&median))
-    };
     // All encodings rise with disparity.
-    if own.iter().chain(&others).next().zip(seen).is_some_and(|(stored, seen)| falls(&stored.map, seen)) {
+    let rising = own.as_ref().map_or(&numbers, |(_, map)| map);
+    if seen.is_some_and(|seen| falls(rising, seen)) {
         let found = "numbers that fall where the disparities of the images rise, as depths and negated disparities do";
         return Err(Error::format(path, found, "disparities: those that a match writes by -o"));
     }
-    let (own, doubtful) = match own.filter(is_plausible) {
-        Some(own) if own.doubt.is_some() => (None, Some(own)),
-        own => (own, None),
+    let width = numbers.width() as f32;
+    let is_plausible = own_median.is_some_and(|median| (MIN_MEDIAN..=width).contains(&median));
+    let doubtful = match own.filter(|(encoding, _)| *encoding == Pixels || is_plausible).map(stored) {
+        Some(own) if own.doubt.is_none() => return Ok(own),
+        own => own,
     };
-    others.retain(|other| match seen {
-        Some(seen) => agrees(&other.map, seen),
-        None => median(&other.map).is_some_and(|median| median <= width / 4.0),
-    });
-    let other = if others.len() == 1 { others.pop() } else { None };
-    own.or(other).or(doubtful).ok_or_else(|| {
-        let found: Vec<String> = middles.iter().map(|(median, encoding)| format!("{median:.1} ({encoding})")).collect();
+    let is_agreed = |map: &FloatImage| match seen {
+        Some(seen) => agrees(map, seen),
+        None => median(map).is_some_and(|median| median <= width / 4.0),
+    };
+    let agreed = others.iter().map(|&encoding| (encoding, decoded(encoding))).filter(|(_, map)| is_agreed(map));
+    if let Ok([other]) = <[_; 1]>::try_from(agreed.collect::<Vec<_>>()) {
+        return Ok(stored(other));
+    }
+    doubtful.ok_or_else(|| {
+        // Real numbers have been taken by now.
+        let own = own_median.map(|median| (median, Raw16));
+        let others = others.iter().filter_map(|&encoding| Some((median(&decoded(encoding))?, encoding)));
+        let found = own.into_iter().chain(others).map(|(median, encoding)| format!("{median:.1} ({encoding})"));
+        let found = format!("disparities near {}", found.collect::<Vec<_>>().join(" or "));
         let expected = match seen {
             Some(seen) => format!("some from {} to {}, as the images show", seen.range.start(), seen.range.end()),
             None => "one of them alone to be plausible".into(),
         };
-        let found = format!("disparities near {}", found.join(" or "));
         Error::format(path, found, format!("{expected}: store disparities in pixels, as PFM or NPY"))
     })
 }

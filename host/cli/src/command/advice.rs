@@ -32,7 +32,7 @@ pub fn no_disparity(disparities: &DisparityMap) -> Option<&'static str> {
 
 /// The message if disparities have no depth, though there are some.
 pub fn no_depth(disparities: &DisparityMap, geometry: &Geometry) -> Option<&'static str> {
-    let has_depth = geometry.depths(disparities).pixels().iter().any(|depth| depth.is_finite());
+    let has_depth = disparities.pixels().iter().flatten().any(|&disparity| geometry.depth(disparity).is_some());
     (!has_depth && disparities.range().is_some()).then_some(
         "no pixel has a depth, since all disparities plus doffs are 0 or less: check the order of the views, and --doffs",
     )

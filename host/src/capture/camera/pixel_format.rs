@@ -43,7 +43,7 @@ pub enum PixelFormat {
     Jpeg,
 }
 
-/// How frames of a format are laid out.
+/// The layout of a format's frames.
 #[cfg_attr(not(all(target_os = "linux", feature = "v4l2")), expect(dead_code, reason = "no camera delivers frames"))]
 pub(super) struct Encoding {
     /// The four-character code in V4L2.
@@ -56,7 +56,7 @@ pub(super) struct Encoding {
     pub chroma_planes: u64,
 }
 
-/// Where the grey of a pixel is among its bytes.
+/// The place of a pixel's grey among its bytes.
 #[derive(Clone, Copy)]
 #[cfg_attr(not(all(target_os = "linux", feature = "v4l2")), expect(dead_code, reason = "no camera delivers frames"))]
 pub(super) enum GraySample {

@@ -149,8 +149,8 @@ impl<W: Write> RosStream<W> {
     }
 }
 
-/// What the profile `ros2` requires of channels: the qualities of service that publishers offered, as a list in YAML. There was
-/// no publisher, and `ros2 bag` takes its own.
+/// Metadata that the profile `ros2` requires of channels: the qualities of service that publishers offered, as a list in YAML.
+/// There was no publisher, and `ros2 bag` takes its own.
 fn channel_metadata() -> BTreeMap<String, String> {
     [("offered_qos_profiles".into(), "[]".into())].into()
 }

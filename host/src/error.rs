@@ -295,8 +295,69 @@ pub enum PlaneError {
 pub enum Warning {
     /// No pixel has a disparity.
     NoDisparity,
+    /// The images do not show the range of disparities.
+    UnknownRange {
+        /// The disparities of the search, in pixels.
+        searched: RangeInclusive<i16>,
+    },
     /// Views show the scene moved the wrong way.
     Swapped(Vec<View>),
+    /// A view is the wrong way round.
+    Turned {
+        /// The view.
+        view: View,
+        /// The way round that it is, and what to do.
+        hint: &'static str,
+    },
+    /// A view shows hardly any corner of the centre.
+    Unlike {
+        /// The view.
+        view: View,
+        /// The share of the centre's corners that it shows.
+        share: f64,
+    },
+    /// A view shows the scene moved along the other axis than that of its baseline.
+    OtherAxis {
+        /// The view.
+        view: View,
+    },
+    /// A view shows the centre's corners off their epipolar lines.
+    OffLine {
+        /// The view.
+        view: View,
+        /// The distance that a tenth of the corners exceeds, in pixels.
+        px: f64,
+    },
+    /// Two views show the scene at different disparities.
+    Shifted {
+        /// The views.
+        views: [View; 2],
+        /// The median difference, in pixels.
+        px: f64,
+    },
+    /// Parts of the scene have moved between the images.
+    Moved {
+        /// The view that shows them elsewhere.
+        view: View,
+        /// The share of the corners that have moved.
+        share: f64,
+    },
+    /// A view is not as bright as the centre.
+    Brightness {
+        /// The view.
+        view: View,
+        /// The share by which it is brighter.
+        change: f64,
+        /// True if the change differs much over the image.
+        is_uneven: bool,
+    },
+    /// A view has white parts that the centre does not have.
+    Overexposed {
+        /// The view.
+        view: View,
+        /// Their share of the image.
+        share: f64,
+    },
     /// The edges of a frame are much softer than those of most others.
     Blurred(Frame),
     /// A view is the same image as the centre, pixel by pixel.
@@ -335,19 +396,81 @@ pub enum Warning {
     },
 }
 
+impl Warning {
+    /// True if a view is not where it should be, so that its disparities mean nothing.
+    pub(crate) fn is_of_order(&self) -> bool {
+        use Warning::{Copy, OffLine, OtherAxis, Swapped, Turned, Unlike};
+        matches!(self, Copy(_) | Swapped(_) | Turned { .. } | Unlike { .. } | OtherAxis { .. } | OffLine { .. })
+    }
+}
+
 impl Display for Warning {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Warning::NoDisparity => f.write_str("no pixel has a disparity: search another range, and filter less"),
+            Warning::UnknownRange { searched } => write!(
+                f,
+                "too few corners of the centre are found in the other views to know the range of disparities, so {searched:?} was \
+                 searched"
+            ),
             Warning::Swapped(views) => {
                 let names: Vec<String> = views.iter().map(View::to_string).collect();
                 let (noun, look) = if names.len() == 1 { ("view", "looks") } else { ("views", "look") };
                 write!(
                     f,
-                    "the {} {noun} {look} swapped with the opposite side, or the images mirrored: the scene moves the wrong way",
+                    "the {} {noun} {look} swapped with the opposite side, or all images mirrored or upside down: the scene moves the \
+                     wrong way",
                     names.join(" and ")
                 )
             }
+            Warning::Turned { view, hint } => write!(f, "the {view} view shows little of the centre: {hint}"),
+            Warning::Unlike { view, share } => write!(
+                f,
+                "the {view} view shows {:.0} % of the centre's corners: check that it is an image of the same scene, taken a short \
+                 way from the centre with the camera held straight",
+                100.0 * share
+            ),
+            Warning::OtherAxis { view } => {
+                let [own, other] = match view.down() {
+                    0 => ["left or right", "up or down"],
+                    _ => ["up or down", "left or right"],
+                };
+                write!(
+                    f,
+                    "the {view} view looks taken after a move {other}, not {own}: name it by where the camera was, and turn all \
+                     images if they lie on their side"
+                )
+            }
+            Warning::OffLine { view, px } => {
+                let lines = match (view.right(), view.down()) {
+                    (_, 0) => "rows",
+                    (0, _) => "columns",
+                    _ => "lines along its baseline",
+                };
+                write!(f, "the {lines} of the {view} view are off by {px:.1} pixels from the centre's: align the views")
+            }
+            Warning::Shifted { views: [one, other], px } => {
+                write!(f, "the {one} and {other} views differ by {px:.1} pixels along their baselines: align the views")
+            }
+            Warning::Moved { view, share } => write!(
+                f,
+                "{:.0} % of the corners have moved otherwise in the {view} view: take all images while nothing moves in the scene",
+                100.0 * share
+            ),
+            Warning::Brightness { view, change, is_uneven } => {
+                let (percent, how) = (100.0 * change.abs(), if *change < 0.0 { "darker" } else { "brighter" });
+                let uneven = if *is_uneven { ", unevenly over the image" } else { "" };
+                write!(
+                    f,
+                    "the {view} view is {percent:.0} % {how} than the centre{uneven}; it was evened out before matching: keep \
+                     exposure, gain and light fixed"
+                )
+            }
+            Warning::Overexposed { view, share } => write!(
+                f,
+                "{:.0} % of the {view} view are white where the centre is not: lower the exposure",
+                100.0 * share
+            ),
             Warning::Blurred(frame) => write!(
                 f,
                 "the {frame} image is blurred beside the others: keep the camera still while it takes it, and the focus fixed"

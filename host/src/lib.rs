@@ -60,7 +60,7 @@ pub use evaluation::{Dataset, Metrics};
 pub use files::Rig;
 pub use images::{DisparityMap, FloatImage, Frames, Geometry, Picture, Raster};
 pub use lens::{CameraModel, Lens, LensModel};
-pub use match_setup::MatchSetup;
+pub use match_setup::{MatchSetup, RangeSource};
 pub use progress::Progress;
 pub use stereo::{Engine, Method, SemiGlobal, Simd, Volume, memory::memory_limit, optimization::graph_cuts::GraphCuts};
 pub use target::Processor;

@@ -14,17 +14,28 @@ const MIN_PILE: f64 = 0.02;
 /// The share of a pile, in multiples of the mean share of a disparity.
 const PILE: f64 = 3.0;
 
+/// The source of the range of disparities that are searched, unless options give it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RangeSource {
+    /// [The paper's](Method::DEFAULT_RANGE).
+    Paper,
+    /// The images, and the paper's with a warning if they do not show it.
+    Images,
+    /// The images, which must show it.
+    ImagesAlone,
+}
+
 /// Frames' properties before they are matched: what the images show, how they were rectified, and the range to search.
 ///
 /// ```
 /// # #[cfg(feature = "scene")] {
-/// use multiscopic::{Engine, MatchSetup, Method, scene::RandomScene};
+/// use multiscopic::{Engine, MatchSetup, Method, RangeSource, scene::RandomScene};
 /// use multiscopic_core::{Fusion, SearchConfig, Views};
 ///
-/// let frames = RandomScene::new(3, 0, [256, 192]).ideal().render(Views::HORIZONTAL).color_frames();
-/// let setup = MatchSetup::new(&frames, true, |(min_disparity, num_disparities)| {
+/// let mut frames = RandomScene::new(3, 0, [256, 192]).ideal().render(Views::HORIZONTAL).color_frames();
+/// let setup = MatchSetup::new(&mut frames, RangeSource::Images, |(min_disparity, num_disparities)| {
 ///     let size = SearchConfig::of_size(256, 192);
-///     Ok(SearchConfig { views: frames.views(), fusion: Fusion::Min, min_disparity, num_disparities, ..size }.checked()?)
+///     Ok(SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, min_disparity, num_disparities, ..size }.checked()?)
 /// })?;
 /// let map = Method::net().disparities(&Engine::default(), &frames, &setup.search, &())?;
 /// for warning in setup.warnings(&map, &setup.search) {
@@ -41,35 +52,58 @@ pub struct MatchSetup {
     pub alignment: Option<Alignment>,
     /// The smallest disparity and the number of disparities, unless options override them.
     pub range: (i16, u16),
+    /// The source of this range.
+    pub range_source: RangeSource,
     /// The search in this range.
     pub search: SearchSpace,
 }
 
 impl MatchSetup {
-    /// Leaves `frames` as they are. `search` makes a search of a range of disparities: the smallest one and their number. The
-    /// range is the one that the images show if `auto_range` is set, and else [that of the paper](Method::DEFAULT_RANGE).
+    /// Inspects `frames`, and evens out their brightness. `search` makes a search of a range of disparities: the smallest one
+    /// and their number.
     ///
     /// # Errors
-    /// Those of `search`, and [`Error::UnknownRange`](crate::Error::UnknownRange) if the images do not show a range.
-    pub fn new(frames: &Frames, auto_range: bool, search: impl Fn((i16, u16)) -> Result<SearchSpace>) -> Result<MatchSetup> {
+    /// Those of `search`, and [`Error::UnknownRange`](crate::Error::UnknownRange) if the images must show a range and do not.
+    pub fn new(
+        frames: &mut Frames,
+        range_source: RangeSource,
+        search: impl Fn((i16, u16)) -> Result<SearchSpace>,
+    ) -> Result<MatchSetup> {
         let inspection = Inspection::of(frames);
-        let range = range(&inspection, auto_range)?;
-        Ok(MatchSetup { search: search(range)?, inspection, alignment: None, range })
+        inspection.even(frames);
+        MatchSetup::of_inspection(inspection, range_source, search)
     }
 
-    /// Rectifies `frames`, and the principal point of their geometry with them. `rectified` gives the frames as an alignment
-    /// rectifies them.
+    /// The setup of frames that were inspected, or were [not](Inspection::default).
+    ///
+    /// # Errors
+    /// Those of [`new`](MatchSetup::new).
+    pub fn of_inspection(
+        inspection: Inspection,
+        range_source: RangeSource,
+        search: impl Fn((i16, u16)) -> Result<SearchSpace>,
+    ) -> Result<MatchSetup> {
+        let range = match range_source {
+            RangeSource::Paper => Method::DEFAULT_RANGE,
+            RangeSource::Images => inspection.range.unwrap_or(Method::DEFAULT_RANGE),
+            RangeSource::ImagesAlone => inspection.found_range()?,
+        };
+        Ok(MatchSetup { search: search(range)?, inspection, alignment: None, range, range_source })
+    }
+
+    /// Rectifies `frames`, and the principal point of their geometry with them, and evens out their brightness. `rectified`
+    /// gives the frames as an alignment rectifies them.
     ///
     /// # Errors
     /// Those of [`new`](MatchSetup::new), of [`Alignment::estimate`] and of `rectified`.
     pub fn rectifying(
         frames: &mut Frames,
         geometry: &mut Option<Geometry>,
-        auto_range: bool,
+        range_source: RangeSource,
         search: impl Fn((i16, u16)) -> Result<SearchSpace>,
         rectified: impl FnOnce(&Alignment) -> Result<Frames>,
     ) -> Result<MatchSetup> {
-        let before = MatchSetup::new(frames, auto_range, &search)?;
+        let before = MatchSetup::of_inspection(Inspection::of(frames), range_source, &search)?;
         let alignment = Alignment::estimate(frames, &before.search, geometry.as_ref())?;
         *frames = rectified(&alignment)?;
         if let Some(geometry) = geometry {
@@ -77,8 +111,9 @@ impl MatchSetup {
         }
         // Views that are turned show other disparities.
         let inspection = alignment.inspect(&before.inspection, frames);
-        let range = range(&inspection, auto_range)?;
-        Ok(MatchSetup { search: search(range)?, inspection, alignment: Some(alignment), range })
+        inspection.even(frames);
+        let setup = MatchSetup::of_inspection(inspection, range_source, search)?;
+        Ok(MatchSetup { alignment: Some(alignment), ..setup })
     }
 
     /// The truth of the prepared centre, given that of the centre in its file.
@@ -90,26 +125,25 @@ impl MatchSetup {
         }
     }
 
-    /// Returns the reasons to doubt the images, or the disparities that a `search` found in them.
+    /// Returns the reasons to doubt the images, or the disparities that a `search` found in them, the worst first.
     pub fn warnings(&self, disparities: &DisparityMap, search: &SearchSpace) -> Vec<Warning> {
         let MatchSetup { inspection, alignment, .. } = self;
+        // Nobody asked for the negative disparities that the images show.
+        let asked = if self.range_source == RangeSource::Paper { search.min_disparity() } else { 0 };
         let none = disparities.range().is_none().then_some(Warning::NoDisparity);
-        // Swapped views explain disparities at the end of the range.
-        let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
-        let cut = match is_swapped {
+        let of_images = inspection.warnings(asked);
+        let searched = search.min_disparity()..=search.max_disparity();
+        let unknown = (self.range_source == RangeSource::Images && inspection.range.is_none())
+            .then(|| Warning::UnknownRange { searched: searched.clone() });
+        // Views that are not where they should be explain disparities at the ends of the range.
+        let cut = match of_images.iter().any(Warning::is_of_order) {
             true => None,
             // In a range of a few disparities none stands out, and in one that is far off all are mismatches.
-            false => cut_range(disparities, search, inspection.flat)
-                .or_else(|| inspection.beyond(search.min_disparity()..=search.max_disparity())),
+            false => cut_range(disparities, search, inspection.flat).or_else(|| inspection.beyond(searched)),
         };
         let of_alignment = alignment.as_ref().and_then(Alignment::warning);
-        none.into_iter().chain(inspection.warnings(search.min_disparity())).chain(of_alignment).chain(cut).collect()
+        none.into_iter().chain(unknown).chain(of_images).chain(of_alignment).chain(cut).collect()
     }
-}
-
-/// The range of disparities, unless other options override it.
-fn range(inspection: &Inspection, auto_range: bool) -> Result<(i16, u16)> {
-    if auto_range { inspection.found_range() } else { Ok(Method::DEFAULT_RANGE) }
 }
 
 /// Warns if disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on

@@ -3,12 +3,12 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, MatchSetup, Picture, Result,
+    Alignment, DisparityMap, Error, Frames, Inspection, MatchSetup, Picture, Result,
     images::BitDepth,
     lens::{LensFile, Undistortion},
     stereo::confidence_map::{self, ConfidenceMap},
 };
-use multiscopic_core::{Frame, SearchSpace, View, Views};
+use multiscopic_core::{Frame, View, Views};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
@@ -97,9 +97,10 @@ impl Capture {
 
     /// Matches it without the interpreter's lock.
     pub fn matched(mut self, py: Python<'_>, options: &Options) -> PyResult<MatchResult> {
-        let (map, confidences, center) = interpreter::run(py, |progress| {
+        let (map, confidences, center, warnings) = interpreter::run(py, |progress| {
             let mut frames = self.frames();
-            let (search, alignment) = self.prepare(&mut frames, options)?;
+            let setup = self.prepare(&mut frames, options)?;
+            let search = setup.search;
             let method = options.method(&frames)?;
             if !method.needs_color() {
                 frames = frames.without_color();
@@ -114,34 +115,31 @@ impl Capture {
                 }
             };
             let confidences = self.mask_unseen(&mut map, confidences);
-            let (_, center) = self.ideal(alignment.as_ref()).next().expect("the centre is the first");
-            Ok((map, confidences, center))
+            let (_, center) = self.ideal(setup.alignment.as_ref()).next().expect("the centre is the first");
+            let warnings = setup.warnings(&map, &search).iter().map(ToString::to_string).collect();
+            Ok((map, confidences, center, warnings))
         })?;
-        MatchResult::new(py, map, confidences, center, self.camera)
+        MatchResult::new(py, (map, confidences), center, self.camera, warnings)
     }
 
-    /// Rectifies `frames` and finds the range of disparities, as far as the options ask for it.
-    fn prepare(&mut self, frames: &mut Frames, options: &Options) -> Result<(SearchSpace, Option<Alignment>)> {
-        let (aligns, finds_range) = (options.aligns(), options.finds_range());
-        if !aligns && !finds_range {
-            // Nothing has to be known of the images.
-            return Ok((options.search(frames, multiscopic::Method::DEFAULT_RANGE)?, None));
-        }
-        if aligns {
-            options.check_alignment(frames)?;
-        }
+    /// Inspects `frames`, and rectifies them and finds the range of disparities, as far as the options ask for it.
+    fn prepare(&mut self, frames: &mut Frames, options: &Options) -> Result<MatchSetup> {
         let size_and_views = frames.clone().without_color();
-        let search = |range| options.search(&size_and_views, range);
-        let MatchSetup { search, alignment, .. } = match aligns {
-            false => MatchSetup::new(frames, finds_range, search)?,
-            true => MatchSetup::rectifying(frames, &mut self.camera.geometry(), finds_range, search, |alignment| {
-                Ok(Frames::of_pictures(self.ideal(Some(alignment)).collect()).expect("the centre is among them"))
-            })?,
-        };
-        if let Some(alignment) = &alignment {
+        let (source, search) = (options.range_source(), |range| options.search(&size_and_views, range));
+        if !options.inspects() {
+            return MatchSetup::of_inspection(Inspection::default(), source, search);
+        }
+        if !options.aligns() {
+            return MatchSetup::new(frames, source, search);
+        }
+        options.check_alignment(frames)?;
+        let setup = MatchSetup::rectifying(frames, &mut self.camera.geometry(), source, search, |alignment| {
+            Ok(Frames::of_pictures(self.ideal(Some(alignment)).collect()).expect("the centre is among them"))
+        })?;
+        if let Some(alignment) = &setup.alignment {
             self.camera.principal_point = alignment.principal_point(self.camera.principal_point);
         }
-        Ok((search, alignment))
+        Ok(setup)
     }
 
     /// Invalidates the pixels that the undistorted centre does not show.

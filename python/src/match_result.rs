@@ -39,20 +39,23 @@ pub struct MatchResult {
     /// None if match() was called with confidence=False or with a prior.
     #[pyo3(get)]
     confidence: Option<Py<PyArray2<u8>>>,
+    /// The reasons to doubt the images or the disparities, the worst first: sentences that say what mends them.
+    #[pyo3(get)]
+    warnings: Vec<String>,
 }
 
 impl MatchResult {
     /// Makes the result of a match of `center` by a camera of which so much is known.
     pub fn new(
         py: Python<'_>,
-        map: DisparityMap,
-        confidences: Option<ConfidenceMap>,
+        (map, confidences): (DisparityMap, Option<ConfidenceMap>),
         center: Picture,
         camera: KnownCamera,
+        warnings: Vec<String>,
     ) -> PyResult<MatchResult> {
         let disparity = arrays::float_map(py, map.to_float())?.unbind();
         let confidence = confidences.clone().map(|confidences| arrays::map(py, confidences)).transpose()?.map(Bound::unbind);
-        Ok(MatchResult { map, confidences, center: center.into_8_bits(), camera, disparity, confidence })
+        Ok(MatchResult { map, confidences, center: center.into_8_bits(), camera, disparity, confidence, warnings })
     }
 
     /// Returns the geometry that turns disparities into depth: these numbers, or else what is known of the camera.

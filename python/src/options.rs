@@ -1,7 +1,7 @@
 //! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`, as `multiscopic_options` describes
 //! them.
 
-use multiscopic::{Alignment, DisparityMap, Engine, Error, Frames, Method, Result, images::BitDepth};
+use multiscopic::{Alignment, DisparityMap, Engine, Error, Frames, Method, RangeSource, Result, images::BitDepth};
 use multiscopic_core::SearchSpace;
 use multiscopic_options::{
     Keywords,
@@ -69,9 +69,14 @@ impl Options {
         self.keywords.preparation.align
     }
 
-    /// Returns true if the range of disparities is found from the images.
-    pub fn finds_range(&self) -> bool {
-        self.keywords.preparation.auto_range
+    /// Returns true if the images are inspected before they are matched.
+    pub fn inspects(&self) -> bool {
+        !self.keywords.preparation.no_inspection
+    }
+
+    /// Returns the source of the range of disparities.
+    pub fn range_source(&self) -> RangeSource {
+        self.keywords.matching.search.range_source(&self.keywords.preparation)
     }
 
     /// Returns the number of bits of 16 that carry values, if it is given.

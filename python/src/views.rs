@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, CString};
 
-use multiscopic::{Frames, Geometry, Inspection, MatchSetup, Method};
+use multiscopic::{Frames, Geometry, Inspection, MatchSetup, RangeSource};
 use multiscopic_options::keywords::{self, Keyword};
 use pyo3::{
     prelude::*,
@@ -138,7 +138,7 @@ pub fn align<'py>(
         MatchSetup::rectifying(
             &mut frames,
             &mut geometry,
-            false,
+            RangeSource::Paper,
             |range| options.search(&unaligned, range),
             |alignment| {
                 rectified = capture.ideal(Some(alignment)).collect();
@@ -184,9 +184,6 @@ pub fn inspect<'py>(
     let capture = Capture::of_arrays(&center, named, &views.unwrap_or_default(), bits.map(|Bits(depth)| depth))?;
     interpreter::run(py, |_| {
         let inspection = Inspection::of(&capture.frames());
-        Ok((
-            inspection.found_range().ok(),
-            inspection.warnings(Method::DEFAULT_RANGE.0).iter().map(ToString::to_string).collect(),
-        ))
+        Ok((inspection.found_range().ok(), inspection.warnings(0).iter().map(ToString::to_string).collect()))
     })
 }

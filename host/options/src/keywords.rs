@@ -341,7 +341,7 @@ mod tests {
             let keyword = keyword(name);
             assert_eq!((keyword.annotation(), &*keyword.default), (format!("{annotation} | None"), default), "{name}");
         }
-        assert!(keyword("method").is_default("bm") && keyword("cbca_intensity").is_default("0.02"));
+        assert!(keyword("method").is_default("net") && keyword("cbca_intensity").is_default("0.02"));
         assert!(!keyword("method").is_default("gc") && !keyword("min_disparity").is_default("0"));
     }
 

@@ -37,7 +37,7 @@ pub const PRIOR_EXCLUDES: [&str; 12] = [
 #[derive(Clone, Debug, Args)]
 pub struct MatchingOptions {
     /// Method
-    #[arg(long, value_parser = named::<MethodName>(), default_value = "bm", help_heading = "Matching")]
+    #[arg(long, value_parser = named::<MethodName>(), default_value = "net", help_heading = "Matching")]
     pub method: MethodName,
 
     /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]

@@ -66,5 +66,5 @@ impl Entry {
 
 /// The method among settings.
 pub(crate) fn method(settings: &Settings) -> &str {
-    settings.get("method").map_or("bm", String::as_str)
+    settings.get("method").map_or("net", String::as_str)
 }

@@ -3,7 +3,7 @@
 
 use clap::Args;
 use multiscopic::{
-    Error, Method, Result,
+    Error, Method, RangeSource, Result,
     images::BitDepth,
     stereo::{BaselineRefinement, refinement::Median},
 };
@@ -33,12 +33,13 @@ pub fn views_of_count(count: usize) -> Result<Views> {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Matching")]
 pub struct SearchOptions {
-    /// Smallest disparity in pixels, may be negative (OpenCV: minDisparity, ROS: min_disparity) [default: 1, or the data set's]
+    /// Smallest disparity in pixels, may be negative (OpenCV: minDisparity, ROS: min_disparity) [default: what the images show;
+    /// 1 if --num-disparities is given; the data set's]
     #[arg(long, visible_alias = "min_disp", value_name = "N", allow_negative_numbers = true)]
     pub min_disparity: Option<i16>,
 
     /// Number of disparities searched, not only multiples of 16 (OpenCV: numDisparities, ROS: disparity_range)
-    /// [default: 60, or the data set's; bench: 64; demo: proportional to the width]
+    /// [default: what the images show; 60 if --min-disparity is given; the data set's; bench: 64; demo: proportional to the width]
     #[arg(long, visible_alias = "disparity_range", value_name = "N", allow_negative_numbers = true)]
     pub num_disparities: Option<u16>,
 
@@ -66,6 +67,16 @@ impl SearchOptions {
     pub const DEFAULT_RANGE: (i16, u16) = Method::DEFAULT_RANGE;
     /// The paper's block size.
     pub const DEFAULT_BLOCK_SIZE: u8 = Method::DEFAULT_BLOCK_SIZE;
+
+    /// Returns the source of the range, for commands that take it from the images by default.
+    pub fn range_source(&self, preparation: &PreparationOptions) -> RangeSource {
+        let is_given = self.min_disparity.is_some() || self.num_disparities.is_some();
+        match preparation.auto_range {
+            true => RangeSource::ImagesAlone,
+            false if is_given || preparation.no_inspection => RangeSource::Paper,
+            false => RangeSource::Images,
+        }
+    }
 
     /// Returns the search in frames of `width` x `height` with `views`. `default_range` is the smallest disparity and the
     /// number of disparities that apply unless options override them.
@@ -145,9 +156,14 @@ pub struct PreparationOptions {
     #[arg(long)]
     pub align: bool,
 
-    /// Find the range of disparities from the images
-    #[arg(long, conflicts_with_all = ["min_disparity", "num_disparities"])]
+    /// Find the range of disparities from the images, and refuse those that do not show it
+    #[arg(long, conflicts_with_all = ["min_disparity", "num_disparities", "no_inspection"])]
     pub auto_range: bool,
+
+    /// Match without looking at the images first: no warnings of them, no change of their brightness, and a range from 1 to 60
+    /// unless it is given
+    #[arg(long, conflicts_with = "align")]
+    pub no_inspection: bool,
 }
 
 /// The number of bits of 16-bit images that carry values.

@@ -127,7 +127,7 @@ fn find_nearby(
 /// given.
 ///
 /// `square` gives the pixels around a point of the view for these two slopes.
-fn refine(
+pub(super) fn refine(
     center: &GrayImage,
     square: impl Fn([f64; 2], [f64; 2]) -> Vec<f64>,
     along: Option<[f64; 2]>,

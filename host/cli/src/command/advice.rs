@@ -42,6 +42,10 @@ pub fn no_depth(disparities: &DisparityMap, geometry: &Geometry) -> Option<&'sta
 pub fn warning(warning: &Warning) -> String {
     match warning {
         Warning::NoDisparity => format!("{warning} (--auto-range, --min-confidence)"),
+        Warning::UnknownRange { .. } => format!("{warning}: give --min-disparity and --num-disparities"),
+        Warning::Swapped(_) => format!("{warning}; if they are right, give a negative --min-disparity"),
+        Warning::OffLine { .. } | Warning::Shifted { .. } => format!("{warning} (--align)"),
+        Warning::Brightness { .. } => format!("{warning} (--no-inspection leaves it)"),
         Warning::Distorted => format!("{warning} (multiscopic calibrate lens)"),
         Warning::PileAtLast { num_disparities, .. } => {
             format!("{warning}: give --num-disparities above {num_disparities}, or --auto-range")

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use multiscopic::{
-    Alignment, DisparityMap, FloatImage, Frames, Geometry, MatchSetup, Result,
+    Alignment, DisparityMap, FloatImage, Frames, Geometry, Inspection, MatchSetup, RangeSource, Result,
     files::{self, DisparityEncoding, MatchedImages, StoredDisparities},
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
@@ -22,7 +22,7 @@ const MUCH: u64 = 1000;
 /// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one and
 /// their number. Alignments that take more `memory` than may be taken are refused.
 pub fn prepare(
-    options: &PreparationOptions,
+    (options, range_source): (&PreparationOptions, RangeSource),
     source: &Source,
     undistortion: Option<&Undistortion>,
     frames: &mut Frames,
@@ -30,12 +30,15 @@ pub fn prepare(
     memory: &MemoryOptions,
     search: impl Fn((i16, u16)) -> Result<SearchSpace>,
 ) -> Result<MatchSetup> {
+    if options.no_inspection {
+        return MatchSetup::of_inspection(Inspection::default(), range_source, search);
+    }
     if !options.align {
-        return MatchSetup::new(frames, options.auto_range, search);
+        return MatchSetup::new(frames, range_source, search);
     }
     check_alignment(memory, frames)?;
     let rectified = |alignment: &_| source.rectified_frames(undistortion, alignment);
-    MatchSetup::rectifying(frames, geometry, options.auto_range, search, rectified)
+    MatchSetup::rectifying(frames, geometry, range_source, search, rectified)
 }
 
 /// Checks that the alignment of `frames` may take what it takes.

@@ -132,8 +132,8 @@ impl View {
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.search.search(size, views, None, range);
-        let preparation =
-            prepare(&self.preparation, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
+        let ways = (&self.preparation, self.search.range_source(&self.preparation));
+        let preparation = prepare(ways, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         // Maps in files are of the frames as they were.
         let files = if preparation.alignment.is_some() { Vec::new() } else { read_maps(folder, Some(size))? };
         output::check(&[output], &files.iter().map(|map| &*map.path).collect::<Vec<_>>())?;

@@ -6,7 +6,7 @@ use std::{
 };
 
 use multiscopic::{
-    Engine, Error, MatchSetup, Result,
+    Engine, Error, MatchSetup, RangeSource, Result,
     files::{
         output,
         ros::{RosRecording, RosStream},
@@ -52,11 +52,13 @@ impl<'a> LiveRecording<'a> {
     /// Matches the capture in a folder, and writes the result.
     fn send(&self, folder: &Path, path: &Path, stream: &mut RosStream<&mut dyn std::io::Write>) -> Result<()> {
         let mut source = Source::of_rig(folder, None, &BitsOption::default())?;
-        let (frames, center, undistortion) = source.load()?;
+        let (mut frames, center, undistortion) = source.load()?;
         let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         let geometry = geometry.expect("the recorder knows the focal length and the baseline");
         let views = frames.views();
-        let preparation = MatchSetup::new(&frames, false, |range| self.search.search(frames.size(), views, None, range))?;
+        let size = frames.size();
+        let search = |range| self.search.search(size, views, None, range);
+        let preparation = MatchSetup::new(&mut frames, RangeSource::Paper, search)?;
         let center = match &undistortion {
             Some(undistortion) => undistortion.picture(&center),
             None => center,

@@ -11,7 +11,7 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Dataset, Error, FloatImage, Frames, Geometry, MatchSetup, Result, Rig,
+    Dataset, Error, FloatImage, Frames, Geometry, MatchSetup, RangeSource, Result, Rig,
     files::{MatchedImages, output},
     images::ImageRegion,
     lens::Undistortion,
@@ -249,7 +249,9 @@ impl RigFiles {
         let mut geometry = geometry.geometry(rig.as_ref(), lens.as_ref(), &frames)?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| search.search(size, views, None, range);
-        let preparation = prepare(preparation, &self.source, undistortion.as_ref(), &mut frames, &mut geometry, memory, search)?;
+        let range_source = if preparation.auto_range { RangeSource::ImagesAlone } else { RangeSource::Paper };
+        let ways = (preparation, range_source);
+        let preparation = prepare(ways, &self.source, undistortion.as_ref(), &mut frames, &mut geometry, memory, search)?;
         let images = MatchedImages { center: &images.center, size, seen: preparation.inspection.corner_disparities() };
         let truth = self.truth.as_ref().map(|path| read_disparities(path, Some(&images))).transpose()?;
         let truth = truth.map(|truth| preparation.truth(truth));

@@ -6,10 +6,13 @@ use std::{
 };
 
 use multiscopic::{
-    DisparityMap, Engine, Frames, Inspection, MatchSetup, Method, Progress, Result,
+    DisparityMap, Engine, Frames, Inspection, MatchSetup, Method, Progress, RangeSource, Result,
     files::MatchedImages,
     lens::Undistortion,
-    stereo::confidence_map::{self, ConfidenceMap},
+    stereo::{
+        MethodName,
+        confidence_map::{self, ConfidenceMap},
+    },
 };
 use multiscopic_core::{Frame, SearchSpace};
 
@@ -51,14 +54,23 @@ pub struct Tuned {
     pub warnings: Vec<String>,
 }
 
+impl TunedMatch {
+    /// Block matching in the same search.
+    pub fn by_blocks(&self) -> TunedMatch {
+        let method = Method::block_matching(Method::DEFAULT_BLOCK_SIZE);
+        TunedMatch { name: MethodName::Bm.name(), method, search: self.search }
+    }
+}
+
 impl TunedRig {
     /// Reads a captured folder.
     pub fn open(folder: &Path) -> Result<TunedRig> {
         let mut source = Source::of_rig(folder, None, &BitsOption::default())?;
-        let (frames, _, undistortion) = source.load()?;
+        let (mut frames, _, undistortion) = source.load()?;
         let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         let folder = source.folder().unwrap_or(folder);
         let inspection = Inspection::of(&frames);
+        inspection.even(&mut frames);
         let images = MatchedImages { center: &source.images.center, size: frames.size(), seen: inspection.corner_disparities() };
         let truth = truth(folder, &images)?;
         let scene = ViewedScene::new(title(folder), frames.size())
@@ -87,7 +99,7 @@ impl TunedRig {
     /// Returns how `match` would match it with these options.
     pub fn plan(&self, options: &MatchingOptions) -> Result<TunedMatch> {
         let (size, views) = (self.frames.size(), self.frames.views());
-        let search = options.search(size, views, SearchOptions::DEFAULT_RANGE)?;
+        let search = options.search(size, views, self.inspection.range.unwrap_or(SearchOptions::DEFAULT_RANGE))?;
         Ok(TunedMatch { name: options.method.name(), method: options.method(views)?, search })
     }
 
@@ -108,7 +120,7 @@ impl TunedRig {
         let map = self.scene.encoded(matched_map((*name).into(), (name, method), search, results, Some(seconds)));
         let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
         let summary = format!(
-            "{:.0} ms, {:.1} % valid{}",
+            "{name}, {:.0} ms, {:.1} % valid{}",
             1e3 * seconds,
             100.0 * valid,
             terminal::sure(confidence_map::sure_share(&confidences))
@@ -117,6 +129,7 @@ impl TunedRig {
             inspection: self.inspection.clone(),
             alignment: None,
             range: SearchOptions::DEFAULT_RANGE,
+            range_source: RangeSource::Paper,
             search: *search,
         };
         Tuned { map, summary, warnings: advice::warnings(&preparation, &disparities, search) }

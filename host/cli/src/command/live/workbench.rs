@@ -10,7 +10,7 @@ use std::{
 
 use multiscopic::{
     Engine, Error, Processor, Progress, Result,
-    stereo::{CostFunction, Pipeline},
+    stereo::{CostFunction, MethodName, Pipeline},
     target::Ram,
 };
 use multiscopic_core::{BlockMatchingParams, SemiGlobalCost, SemiGlobalParams};
@@ -19,7 +19,7 @@ use multiscopic_options::page::{self, Control, Settings};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::tuned_rig::{TunedMatch, TunedRig};
+use super::tuned_rig::{Tuned, TunedMatch, TunedRig};
 use crate::command::{
     advice,
     budget::{Prediction, TargetOptions},
@@ -45,7 +45,7 @@ pub struct Wish {
 
 impl Default for Wish {
     fn default() -> Wish {
-        Wish { settings: Settings::from([("method".into(), "bm".into())]), core: Processor::ALL[0].name().into() }
+        Wish { settings: Settings::from([("method".into(), "net".into())]), core: Processor::ALL[0].name().into() }
     }
 }
 
@@ -67,6 +67,8 @@ pub struct Workbench {
 struct Desk {
     rig: Option<Arc<TunedRig>>,
     wish: Wish,
+    /// True until the rig is matched.
+    is_new: bool,
     is_closed: bool,
 }
 
@@ -106,7 +108,7 @@ impl Workbench {
         let found = rig.found_range().map(|(least, count)| json!({ "min_disparity": least, "num_disparities": count }));
         let folder = rig.folder().display().to_string();
         self.board.put(Subject::Scene, json!({ "folder": folder, "scene": rig.scene(), "found_range": found }));
-        self.alter(|desk| desk.rig = Some(Arc::new(rig)));
+        self.alter(|desk| (desk.rig, desk.is_new) = (Some(Arc::new(rig)), true));
     }
 
     /// Asks for another match.
@@ -134,7 +136,7 @@ impl Workbench {
     pub fn run(&self) {
         let mut seen = 0;
         loop {
-            let (rig, wish) = {
+            let (rig, wish, is_new) = {
                 let mut desk = self.desk();
                 while self.changes.load(Ordering::Relaxed) == seen && !desk.is_closed {
                     desk = self.change.wait(desk).unwrap_or_else(PoisonError::into_inner);
@@ -143,10 +145,10 @@ impl Workbench {
                     return;
                 }
                 seen = self.changes.load(Ordering::Relaxed);
-                (desk.rig.clone(), desk.wish.clone())
+                (desk.rig.clone(), desk.wish.clone(), std::mem::take(&mut desk.is_new))
             };
             if let Some(rig) = rig
-                && let Err(error) = self.match_once(&rig, &wish, seen)
+                && let Err(error) = self.match_once(&rig, &wish, seen, is_new)
             {
                 let settings = &wish.settings;
                 self.board.put(Subject::Result, json!({ "settings": settings, "failure": advice::error(&error) }));
@@ -154,7 +156,8 @@ impl Workbench {
         }
     }
 
-    fn match_once(&self, rig: &TunedRig, wish: &Wish, number: u64) -> Result<()> {
+    /// Matches a rig. One that is new is shown by block matching first, which takes no time.
+    fn match_once(&self, rig: &TunedRig, wish: &Wish, number: u64, is_new: bool) -> Result<()> {
         let words = page::words(&self.controls, &wish.settings)?;
         let processor = Processor::ALL.iter().find(|processor| processor.name() == wish.core).copied();
         let processor =
@@ -177,14 +180,17 @@ impl Workbench {
             },
         );
         let watcher = Watcher { bench: self, number, start: Instant::now(), steps: Mutex::new(Steps::default()) };
-        let outcome = rig.run(&plan, &self.engine, &watcher);
-        if watcher.is_interrupted() {
-            return Ok(());
+        let first = (is_new && plan.name != MethodName::Bm.name()).then(|| plan.by_blocks());
+        for plan in first.iter().chain([&plan]) {
+            let outcome = rig.run(plan, &self.engine, &watcher);
+            if watcher.is_interrupted() {
+                break;
+            }
+            let Tuned { map, summary, warnings } = rig.tuned(plan, outcome?);
+            let notice =
+                json!({ "settings": wish.settings, "folder": folder, "map": map, "summary": summary, "warnings": warnings });
+            self.board.put(Subject::Result, notice);
         }
-        let tuned = rig.tuned(&plan, outcome?);
-        let (map, summary, warnings) = (tuned.map, tuned.summary, tuned.warnings);
-        let notice = json!({ "settings": wish.settings, "folder": folder, "map": map, "summary": summary, "warnings": warnings });
-        self.board.put(Subject::Result, notice);
         Ok(())
     }
 }

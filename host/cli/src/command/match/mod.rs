@@ -124,8 +124,8 @@ impl Match {
         output::check(&outputs.paths(), &inputs)?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
-        let preparation =
-            prepare(&self.preparation, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
+        let ways = (&self.preparation, self.matching.search.range_source(&self.preparation));
+        let preparation = prepare(ways, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         let search = preparation.search;
         let images = source.images.center.clone();
         let images = MatchedImages { center: &images, size, seen: preparation.inspection.corner_disparities() };

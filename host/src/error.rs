@@ -358,6 +358,20 @@ pub enum Warning {
         /// Their share of the image.
         share: f64,
     },
+    /// The focal length fits no lens.
+    FocalLength {
+        /// The focal length, in pixels.
+        focal_px: f64,
+        /// The angle that the longer side of the image would see, in degrees.
+        degrees: f64,
+    },
+    /// The depths fit no scene.
+    Depths {
+        /// Their median, in millimetres.
+        depth_mm: f64,
+        /// The baseline, in millimetres.
+        baseline_mm: f64,
+    },
     /// The edges of a frame are much softer than those of most others.
     Blurred(Frame),
     /// A view is the same image as the centre, pixel by pixel.
@@ -470,6 +484,16 @@ impl Display for Warning {
                 f,
                 "{:.0} % of the {view} view are white where the centre is not: lower the exposure",
                 100.0 * share
+            ),
+            Warning::FocalLength { focal_px, degrees } => write!(
+                f,
+                "a focal length of {focal_px} pixels sees {degrees:.1} degrees: give it in pixels, which is that in millimetres over \
+                 the width of the sensor, times the width of the image"
+            ),
+            Warning::Depths { depth_mm, baseline_mm } => write!(
+                f,
+                "the median depth is {depth_mm:.3} mm with a baseline of {baseline_mm} mm: give the baseline in millimetres, and the \
+                 focal length in pixels"
             ),
             Warning::Blurred(frame) => write!(
                 f,

@@ -1,8 +1,16 @@
 //! The camera geometry that turns disparities into depths and points.
 
+use std::ops::RangeInclusive;
+
 use multiscopic_core::Disparity;
 
 use super::{DisparityMap, FloatImage};
+use crate::error::Warning;
+
+/// The angles that lenses see along the longer side of an image, in degrees.
+const VIEWS: RangeInclusive<f64> = 3.0..=150.0;
+/// The median depths of captures, in millimetres.
+const DEPTHS: RangeInclusive<f64> = 10.0..=1e6;
 
 /// A pinhole camera and the baseline by which it was moved.
 ///
@@ -40,6 +48,25 @@ impl Geometry {
         map.map(|pixel| pixel.and_then(|d| self.depth(d)).map_or(f32::INFINITY, |z| z as f32))
     }
 
+    /// Returns the median depth of a map in millimetres. `None` if no pixel has a depth.
+    pub fn median_depth_mm(&self, map: &DisparityMap) -> Option<f64> {
+        let mut depths: Vec<f64> = map.pixels().iter().flatten().filter_map(|&d| self.depth(d)).collect();
+        let middle = depths.len() / 2;
+        (!depths.is_empty()).then(|| 1000.0 * *depths.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
+
+    /// Warns of a focal length that is none in pixels, and of a baseline that is none in millimetres, by the angle that the
+    /// images see and the depths of a map.
+    pub fn warnings(&self, map: &DisparityMap) -> Vec<Warning> {
+        let side = map.width().max(map.height()) as f64;
+        let degrees = 2.0 * (side / 2.0 / self.focal_px).atan().to_degrees();
+        if !VIEWS.contains(&degrees) {
+            return vec![Warning::FocalLength { focal_px: self.focal_px, degrees }];
+        }
+        let depth_mm = self.median_depth_mm(map).filter(|depth| !DEPTHS.contains(depth));
+        depth_mm.map(|depth_mm| Warning::Depths { depth_mm, baseline_mm: self.baseline_mm }).into_iter().collect()
+    }
+
     /// The depth in millimetres of a disparity in pixels, or `None` if `d + doffs <= 0`.
     pub fn depth_mm(&self, d: f64) -> Option<f64> {
         let shift = d + self.doffs;
@@ -71,6 +98,17 @@ mod tests {
         assert_eq!(GEOMETRY.depth(disparity(-1)), Some(20.0));
         assert_eq!(GEOMETRY.depth(disparity(-2)), None);
         assert_eq!(GEOMETRY.depth(disparity(-3)), None);
+    }
+
+    #[test]
+    fn lengths_in_other_units_are_warned_of() {
+        let map = DisparityMap::new(640, 1, vec![Some(disparity(18)); 640]);
+        let warned = |focal_px, baseline_mm| Geometry { focal_px, baseline_mm, ..GEOMETRY }.warnings(&map);
+        assert_eq!(warned(500.0, 40.0), []);
+        let fitting = GEOMETRY.median_depth_mm(&map).expect("all pixels have a depth");
+        assert!((fitting - 1000.0).abs() < 1e-9, "{fitting}");
+        assert!(matches!(warned(4.0, 40.0)[..], [Warning::FocalLength { .. }]), "in millimetres");
+        assert!(matches!(warned(500.0, 0.02)[..], [Warning::Depths { .. }]), "in metres");
     }
 
     #[test]

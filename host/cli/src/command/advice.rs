@@ -46,6 +46,8 @@ pub fn warning(warning: &Warning) -> String {
         Warning::Swapped(_) => format!("{warning}; if they are right, give a negative --min-disparity"),
         Warning::OffLine { .. } | Warning::Shifted { .. } => format!("{warning} (--align)"),
         Warning::Brightness { .. } => format!("{warning} (--no-inspection leaves it)"),
+        Warning::FocalLength { .. } => format!("{warning} (--focal-px)"),
+        Warning::Depths { .. } => format!("{warning} (--baseline-mm, --focal-px)"),
         Warning::Distorted => format!("{warning} (multiscopic calibrate lens)"),
         Warning::PileAtLast { num_disparities, .. } => {
             format!("{warning}: give --num-disparities above {num_disparities}, or --auto-range")

@@ -187,8 +187,14 @@ impl Match {
         })?;
         let mut warnings = advice::warnings(&preparation, &disparities, &search);
         let geometry = geometry.as_ref().filter(|_| outputs.of_depth().is_some());
-        warnings.splice(0..0, geometry.and_then(|geometry| advice::no_depth(&disparities, geometry)).map(String::from));
-        let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
+        if let Some(geometry) = geometry {
+            let of_depth = geometry.warnings(&disparities).iter().map(advice::warning).collect::<Vec<_>>();
+            warnings.splice(0..0, advice::no_depth(&disparities, geometry).map(String::from).into_iter().chain(of_depth));
+        }
+        let summary = Summary {
+            median_depth_mm: geometry.and_then(|geometry| geometry.median_depth_mm(&disparities)),
+            ..Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings)
+        };
         Ok((summary, disparities))
     }
 
@@ -236,6 +242,9 @@ pub struct Summary {
     /// The share with a confidence from 0.9 on, if confidences were computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     sure: Option<f64>,
+    /// The median depth, if depths were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    median_depth_mm: Option<f64>,
     /// The seconds that the match took, unless it is one of many.
     #[serde(skip_serializing_if = "Option::is_none")]
     milliseconds: Option<f64>,
@@ -263,6 +272,7 @@ impl Summary {
             num_disparities: search.num_disparities(),
             valid: disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64,
             sure: confidences.map(confidence_map::sure_share),
+            median_depth_mm: None,
             milliseconds: Some(1e3 * seconds),
             warnings,
         }
@@ -309,6 +319,9 @@ impl Display for Summary {
         write!(f, "{width}x{height}, {method}, {views}, {fusion}, {}: {:.1} % valid", self.range(), 100.0 * self.valid)?;
         let sure = self.sure.map(terminal::sure).unwrap_or_default();
         write!(f, "{sure}")?;
+        if let Some(depth_mm) = self.median_depth_mm {
+            write!(f, ", median depth {depth_mm:.0} mm")?;
+        }
         self.milliseconds.map_or(Ok(()), |milliseconds| write!(f, ", {milliseconds:.0} ms"))
     }
 }

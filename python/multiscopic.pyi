@@ -86,6 +86,10 @@ class Result:
         """Disparities in pixels: height x width, NaN where there is none."""
 
     @property
+    def warnings(self) -> list[str]:
+        """The reasons to doubt the images or the disparities, the worst first."""
+
+    @property
     def confidence(self) -> npt.NDArray[np.uint8] | None:
         """The probability that a disparity is at most one pixel off, times 255: height x width, 0 where there is none."""
 

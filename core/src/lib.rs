@@ -61,6 +61,7 @@
 //! | `error` | [`MatchError`], [`MemoryTooSmall`]: the errors of matching |
 //! | `region` | [`Region`]: the part of the frame that a pass computes |
 //! | `scanline` | [`ScanlineSource`], [`Rewind`]: sources of lines: memory, flash, a file or a sensor; [`Gradients`] of one |
+//! | `brightness` | [`Histogram`], [`Evened`]: views as bright as the centre |
 //! | `availability` | the frame's borders: the views that see a candidate |
 //! | [`kernel`] | the inner loops, for the vectors of each instruction set |
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
@@ -85,6 +86,7 @@
 #![no_std]
 
 mod availability;
+mod brightness;
 pub mod capture;
 mod confidence;
 mod disparity;
@@ -108,6 +110,7 @@ mod views;
 #[cfg(feature = "fixed")]
 pub use fixed;
 
+pub use brightness::{Evened, Histogram};
 pub use confidence::{ConfidenceLines, ConfidenceTable, PeakRatio};
 pub use disparity::{Depth, Disparity, Triangulation};
 pub use error::{MatchError, MemoryTooSmall};

@@ -142,7 +142,7 @@ impl MatchSetup {
             false => cut_range(disparities, search, inspection.flat).or_else(|| inspection.beyond(searched)),
         };
         let of_alignment = alignment.as_ref().and_then(Alignment::warning);
-        none.into_iter().chain(unknown).chain(of_images).chain(of_alignment).chain(cut).collect()
+        none.into_iter().chain(of_images).chain(unknown).chain(of_alignment).chain(cut).collect()
     }
 }
 

@@ -44,7 +44,7 @@ type DisparityRange = (i16, u16);
 /// >>> import numpy as np, multiscopic
 /// >>> center = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
 /// >>> left, right = np.roll(center, 4, axis=1), np.roll(center, -4, axis=1)
-/// >>> result = multiscopic.match(center, left, right, num_disparities=8, block_size=7)
+/// >>> result = multiscopic.match(center, left, right, method="bm", num_disparities=8, block_size=7)
 /// >>> result.disparity.dtype, result.disparity.shape, result.confidence.dtype
 /// (dtype('float32'), (60, 80), dtype('uint8'))
 /// >>> float(np.nanmedian(result.disparity))

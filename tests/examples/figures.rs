@@ -8,12 +8,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use image::{DynamicImage, RgbImage, RgbaImage};
+use image::{DynamicImage, GrayImage, Luma, RgbImage, RgbaImage, imageops};
 use multiscopic::{
     DisparityMap,
     images::{montage, turbo},
 };
-use multiscopic_tests::program::Invocation;
+use multiscopic_core::{Frame, View};
+use multiscopic_tests::{
+    program::Invocation,
+    test_images::faults::{FAULTS, Fault, right_frames},
+};
 
 /// The greatest width of a picture in a row.
 const WIDTH: u32 = 360;
@@ -27,6 +31,7 @@ fn main() -> Result<()> {
     figures.draw_demo()?;
     figures.draw_confidence()?;
     figures.draw_microcontroller()?;
+    figures.draw_faults()?;
     figures.draw_failures()
 }
 
@@ -52,6 +57,24 @@ impl Figures {
             ("all-baselines/errors-over-baselines.svg", "errors-over-baselines.svg"),
         ] {
             fs::copy(self.folder.join(from), self.docs.join(to))?;
+        }
+        Ok(())
+    }
+
+    /// The centre and a view with each of the faults that `docs/faults.md` tells of.
+    fn draw_faults(&self) -> Result<()> {
+        fs::create_dir_all(self.docs.join("faults"))?;
+        for Fault { name, spoil } in FAULTS {
+            let frames = spoil(&right_frames());
+            let view = if frames.views().contains(View::RIGHT) { View::RIGHT } else { View::TOP };
+            let small = |frame| {
+                let picture = frames.picture(frame).expect("the frame is there").to_gray();
+                DynamicImage::ImageLuma8(picture).thumbnail(160, 120).to_luma8()
+            };
+            let mut both = GrayImage::from_pixel(324, 120, Luma([255]));
+            imageops::replace(&mut both, &small(Frame::Center), 0, 0);
+            imageops::replace(&mut both, &small(Frame::View(view)), 164, 0);
+            both.save(self.docs.join(format!("faults/{name}.png")))?;
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 
 pub mod case;
 pub mod core_match;
+pub mod faults;
 pub mod golden;
 pub mod misaligned;
 pub mod real_data;

@@ -2,14 +2,18 @@
 //! several baselines from short to long, around a prior, as the references do.
 
 use multiscopic::{
-    Picture,
+    Frames, Picture,
     scene::{PinholeCamera, Scene, render},
 };
 use multiscopic_core::{Frame, View};
 use multiscopic_reference::{AroundPrior, Fusion, fixed, gradients, medians, split_mix::Random};
 use multiscopic_tests::{
     program::Invocation,
-    test_images::{ViewSet, read_raw16},
+    test_images::{
+        ViewSet,
+        faults::{FAULTS, Fault, right_frames},
+        read_raw16,
+    },
 };
 use std::{path::Path, sync::LazyLock};
 
@@ -90,6 +94,34 @@ fn ranges_that_are_cut_and_missing_texture_are_warned_of() {
     plain.views.iter_mut().flatten().for_each(|view| view[..half].fill(100));
     let said = said(&plain, folder.path(), &[]);
     assert!(said.contains("% of the centre has no texture"), "{said}");
+}
+
+/// The message for each fault is that in the guide, and images without a fault have none.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn faults_are_told_as_the_guide_says() {
+    let guide = include_str!("../../../docs/faults.md");
+    let folder = tempfile::tempdir().unwrap();
+    let said = |frames: &Frames| {
+        let file = |frame: Frame| folder.path().join(format!("{frame}.png")).to_str().unwrap().to_owned();
+        let mut words = vec!["match".to_owned(), "--method".into(), "bm".into(), "-o".into(), "/dev/null".into()];
+        for frame in [Frame::Center].into_iter().chain(frames.views().iter().map(Frame::View)) {
+            frames.get(frame).unwrap().save(file(frame)).unwrap();
+            words.extend([format!("--{frame}"), file(frame)]);
+        }
+        let run = Invocation::new(words);
+        run.assert_done();
+        run.stderr
+    };
+    let right = right_frames();
+    let of_right = said(&right);
+    assert!(!of_right.contains("warning"), "{of_right}");
+    for Fault { name, spoil } in FAULTS {
+        let row = guide.lines().find(|line| line.contains(&format!("faults/{name}.png"))).expect("the guide has each fault");
+        let message = row.split('`').nth(1).expect("the message is in the row");
+        let said = said(&spoil(&right));
+        assert!(said.contains("warning: ") && said.contains(message), "{name}: {said}");
+    }
 }
 
 #[test]

@@ -20,7 +20,7 @@ use super::super::{
 use crate::images::InterpolatedImage;
 
 /// The distance to which matches are searched along the baseline, to both sides, as a share of the image's side.
-const REACH: f64 = 0.5;
+const REACH: f64 = 0.4;
 /// The least correlation of a corner with its match.
 const MIN_CORRELATION: f32 = 0.8;
 /// The lead of a match: its correlation less that of any other place.
@@ -29,7 +29,7 @@ const MIN_LEAD: f32 = 0.03;
 const NEAR: isize = 2;
 
 /// The approximate number of corners.
-const CORNERS: usize = 600;
+const CORNERS: usize = 450;
 
 /// The image of the centre, and its corners.
 pub struct SearchedCenter<'a> {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! shrink all images to at most 800 pixels on the longer side
-//! find about 600 corners of the centre in each view, near its baseline
+//! find about 450 corners of the centre in each view, near its baseline
 //! where that fails, look farther off the baseline, along the other axis, and in the image turned round
 //! places  = the corners whose disparities agree in two views, or known in the only one, with two others like them nearby
 //! range   = their disparities, and a margin: surfaces without corners may be nearer or farther
@@ -54,8 +54,12 @@ const MIN_SUPPORT: usize = 3;
 /// The distance to which corners are nearby, as a share of the image's larger side, and the disparities that are the same, in
 /// pixels of the inspected images.
 const NEARBY: (f64, f64) = (0.1, 3.0);
-/// The share by which the range is wider than that of the corners, at each end: smaller things may be nearer.
-const WIDENED: f64 = 0.12;
+/// The disparities on the wrong side, as a share of the highest, that are mismatches if at most a share of the corners has them.
+const MISMATCHED: f64 = 0.25;
+const FEW_WRONG: f64 = 0.04;
+/// The shares by which the range is wider than that of the corners: at its far end, as far as it stays above 0, since blank
+/// backgrounds have no corners; at its near end, since smaller things may be nearer; and at its far end below 0.
+const WIDENED: [f64; 3] = [0.5, 0.3, 0.12];
 /// The pixels of the inspected images by which it is wider besides.
 const MARGIN: f64 = 1.5;
 /// The share of corners with disparities beyond a range from which on it looks too narrow.
@@ -197,7 +201,8 @@ impl Inspection {
         let brightness: BTreeMap<View, Brightness> = brightness.collect();
         let order = seen.iter().filter(|seen| !copies.contains(&seen.view)).filter_map(|seen| seen.fault(factor));
         let mut faults: Vec<Warning> = order.collect();
-        if faults.is_empty() {
+        let swapped: Vec<View> = seen.iter().filter(|seen| seen.is_swapped()).map(|seen| seen.view).collect();
+        if faults.is_empty() && swapped.is_empty() {
             faults.extend(disagreement(&searched, &seen, factor));
         }
         faults.extend(brightness.iter().filter_map(|(&view, brightness)| {
@@ -214,7 +219,7 @@ impl Inspection {
             corners,
             places,
             corner_error: MAX_SPREAD * factor,
-            swapped: seen.iter().filter(|seen| seen.is_swapped()).map(|seen| seen.view).collect(),
+            swapped,
             faults,
             brightness,
             blurred: blurred(&all.collect::<Vec<_>>()),
@@ -233,13 +238,19 @@ fn small(image: &GrayImage) -> GrayImage {
     }
 }
 
-/// The corners whose disparities agree in their views, and in the corners around, with these disparities.
+/// The corners whose disparities agree in their views, and in the corners around, with these disparities. In a single view,
+/// few that are far on the wrong side are mismatches: at the borders it shows other things of the same kind.
 fn agreed_places(center: &SearchedCenter, seen: &[SeenView]) -> Vec<([usize; 2], f64)> {
     let agreed = |n: usize| agreed(seen.iter().filter_map(|seen| Some(seen.found[n]?.disparity)), seen.len());
     let all: Vec<([usize; 2], f64)> =
         center.corners.iter().enumerate().filter_map(|(n, &corner)| Some((corner, agreed(n)?))).collect();
     let is_supported = |place: &&([usize; 2], f64)| supporters(center, &all, place).count() >= MIN_SUPPORT;
-    all.iter().filter(is_supported).copied().collect()
+    let supported: Vec<([usize; 2], f64)> = all.iter().filter(is_supported).copied().collect();
+    let highest = supported.iter().map(|(_, disparity)| *disparity).fold(0.0, f64::max);
+    let is_wrong = |disparity: f64| disparity < -MISMATCHED * highest - MAX_SPREAD;
+    let wrong = supported.iter().filter(|(_, disparity)| is_wrong(*disparity)).count();
+    let are_mismatches = seen.len() == 1 && wrong as f64 <= FEW_WRONG * supported.len() as f64;
+    supported.into_iter().filter(|(_, disparity)| !(are_mismatches && is_wrong(*disparity))).collect()
 }
 
 /// The places near one of them that have about the same disparity.
@@ -313,8 +324,8 @@ fn range(disparities: &[f64], factor: f64) -> Option<(i16, u16)> {
         return None;
     }
     let [low, high] = [disparities[0], disparities[disparities.len() - 1]];
-    let margin = WIDENED * (high - low) + MARGIN * factor;
-    let [low, high] = [(low - margin).floor(), (high + margin).ceil()];
+    let [far, near, below] = WIDENED.map(|share| share * (high - low) + MARGIN * factor);
+    let [low, high] = [(low - far).max(0.0).min(low - below).floor(), (high + near).ceil()];
     Some((low as i16, (high - low) as u16 + 1))
 }
 

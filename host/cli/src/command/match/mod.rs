@@ -160,6 +160,12 @@ impl Match {
         watch.finish();
         mask_unseen(undistortion.as_ref(), &mut disparities, confidences.as_mut());
 
+        let mut warnings = advice::warnings(&preparation, &disparities, &search);
+        let of_depth = geometry.as_ref().filter(|_| outputs.of_depth().is_some());
+        if let Some(geometry) = of_depth {
+            let odd: Vec<String> = geometry.warnings(&disparities).iter().map(advice::warning).collect();
+            warnings.splice(0..0, advice::no_depth(&disparities, geometry).map(String::from).into_iter().chain(odd));
+        }
         let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
         let report = outputs.report.as_ref().map(|page| -> Result<Report> {
             let truth = truth.map(|path| read_disparities(&path, Some(&images))).transpose()?;
@@ -173,7 +179,8 @@ impl Match {
             let map = view::matched_map(name.into(), (self.matching.method.name(), &method), &search, results, Some(seconds));
             let file = outputs.maps.beside(page);
             scene.add(ViewedMap { file, ..map });
-            Ok(Report::new(title).viewer(&view::command_line(), &[scene]))
+            let page = warnings.iter().fold(Report::new(title), |page, warning| page.paragraph(&format!("Warning: {warning}.")));
+            Ok(page.viewer(&view::command_line(), &[scene]))
         });
         let report = report.transpose()?;
         output::write_together(|| {
@@ -185,14 +192,8 @@ impl Match {
                 _ => Ok(()),
             }
         })?;
-        let mut warnings = advice::warnings(&preparation, &disparities, &search);
-        let geometry = geometry.as_ref().filter(|_| outputs.of_depth().is_some());
-        if let Some(geometry) = geometry {
-            let of_depth = geometry.warnings(&disparities).iter().map(advice::warning).collect::<Vec<_>>();
-            warnings.splice(0..0, advice::no_depth(&disparities, geometry).map(String::from).into_iter().chain(of_depth));
-        }
         let summary = Summary {
-            median_depth_mm: geometry.and_then(|geometry| geometry.median_depth_mm(&disparities)),
+            median_depth_mm: of_depth.and_then(|geometry| geometry.median_depth_mm(&disparities)),
             ..Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings)
         };
         Ok((summary, disparities))

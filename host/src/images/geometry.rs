@@ -38,6 +38,13 @@ impl Geometry {
     /// The longest focal length in pixels, and the longest baseline in millimetres: ten kilometres.
     pub const MAX_LENGTH: f64 = 1e7;
 
+    /// The geometry of images that are shrunk by a factor.
+    pub fn shrunk(self, factor: u32) -> Geometry {
+        let factor = f64::from(factor);
+        let principal_point = self.principal_point.map(|at| (at + 0.5) / factor - 0.5);
+        Geometry { focal_px: self.focal_px / factor, principal_point, doffs: self.doffs / factor, ..self }
+    }
+
     /// The depth in metres, `focal_px * baseline / (d + doffs)`, or `None` if `d + doffs <= 0`.
     pub fn depth(&self, d: Disparity) -> Option<f64> {
         self.depth_mm(f32::from(d).into()).map(|depth| depth / 1000.0)
@@ -109,6 +116,12 @@ mod tests {
         assert!((fitting - 1000.0).abs() < 1e-9, "{fitting}");
         assert!(matches!(warned(4.0, 40.0)[..], [Warning::FocalLength { .. }]), "in millimetres");
         assert!(matches!(warned(500.0, 0.02)[..], [Warning::Depths { .. }]), "in metres");
+    }
+
+    #[test]
+    fn shrunk_images_have_the_same_depths() {
+        let half = GEOMETRY.shrunk(2);
+        assert_eq!((half.depth(disparity(4)), half.principal_point), (GEOMETRY.depth(disparity(8)), [79.75, 59.75]));
     }
 
     #[test]

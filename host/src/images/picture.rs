@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use image::{GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
+use image::{GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage, imageops};
 use serde::{Deserialize, Serialize};
 
 use super::Raster;
@@ -60,6 +60,18 @@ impl Picture {
             Picture::Gray16(gray) => Picture::Gray(in_8_bits(&gray)),
             Picture::Rgb16(rgb) => Picture::Rgb(in_8_bits(&rgb)),
             picture => picture,
+        }
+    }
+
+    /// The picture shrunk by a whole factor: pixels are means of its squares. Rows and columns that are left over are cut off.
+    pub fn shrunk(&self, factor: u32) -> Picture {
+        let (width, height) = self.dimensions();
+        let [width, height] = [width, height].map(|side| (side / factor).max(1));
+        match self {
+            Picture::Gray(image) => Picture::Gray(imageops::thumbnail(image, width, height)),
+            Picture::Rgb(image) => Picture::Rgb(imageops::thumbnail(image, width, height)),
+            Picture::Gray16(image) => Picture::Gray16(imageops::thumbnail(image, width, height)),
+            Picture::Rgb16(image) => Picture::Rgb16(imageops::thumbnail(image, width, height)),
         }
     }
 

@@ -11,6 +11,7 @@ use multiscopic_core::SearchSpace;
 /// The message of an error.
 pub fn error(error: &Error) -> String {
     match error {
+        Error::Memory { task: "the match", .. } => format!("{error} (--num-disparities, --shrink 2)"),
         Error::PictureSize { .. } => format!("{error} (--max-pixels)"),
         Error::UnknownRange => format!("{error}: give --min-disparity and --num-disparities"),
         Error::Refused(refused) => warning(refused),

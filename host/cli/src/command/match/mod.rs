@@ -11,7 +11,7 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    DisparityMap, Engine, Error, Result,
+    DisparityMap, Engine, Error, Frames, Inspection, RangeSource, Result,
     files::{ListedRig, MatchedImages, output},
     stereo::{
         BaselineRefinement,
@@ -34,6 +34,9 @@ use super::{
     view,
 };
 use crate::report::{Report, ViewedMap, ViewedScene};
+
+/// The largest disparity that can be searched, in pixels.
+const MOST_DISPARITY: usize = 511;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -67,6 +70,11 @@ pub struct Match {
 
     #[command(flatten)]
     preparation: PreparationOptions,
+
+    /// Match images that are N times smaller; disparities are in their pixels [default: 1, or what makes the disparities that the
+    /// images show at most 511]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16), help_heading = "Matching")]
+    shrink: Option<u32>,
 
     #[command(flatten)]
     outputs: Outputs,
@@ -111,9 +119,24 @@ impl Match {
         self.outputs.report.as_ref().and(source.folder()).and_then(truth_file)
     }
 
+    /// The factor by which the frames are shrunk: as asked for, or so that the disparities that they show can be searched.
+    fn shrink_factor(&self, frames: &Frames) -> Result<u32> {
+        let is_found = self.matching.search.range_source(&self.preparation) != RangeSource::Paper;
+        match self.shrink {
+            Some(factor) => Ok(factor),
+            // Those of smaller images are small.
+            None if !is_found || frames.width().max(frames.height()) <= 2 * MOST_DISPARITY => Ok(1),
+            None => {
+                let shown = Inspection::of(frames).shown_range();
+                let farthest = shown.map_or(0, |shown| shown.start().unsigned_abs().max(shown.end().unsigned_abs()));
+                Ok(usize::from(farthest).div_ceil(MOST_DISPARITY).max(1) as u32)
+            }
+        }
+    }
+
     /// Matches the images of a rig, and writes the outputs together.
     fn matched(&self, mut source: Source, outputs: &Outputs, engine: &Engine) -> Result<(Summary, DisparityMap)> {
-        let (mut frames, center, undistortion) = source.load()?;
+        let (mut frames, mut center, undistortion) = source.load()?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         if let Some(output) = outputs.of_depth() {
             self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
@@ -122,6 +145,17 @@ impl Match {
         let truth = self.truth_file(&source);
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).chain(truth.as_deref()).collect();
         output::check(&outputs.paths(), &inputs)?;
+        let shrink = self.shrink_factor(&frames)?;
+        if shrink > 1 {
+            if undistortion.is_some() || self.preparation.align {
+                let message =
+                    format!("images cannot be shrunk by {shrink} with --align or a lens: shrink the files, and calibrate");
+                return Err(Error::Usage(message));
+            }
+            frames = frames.map(|picture| picture.shrunk(shrink));
+            center = center.shrunk(shrink);
+            geometry = geometry.map(|geometry| geometry.shrunk(shrink));
+        }
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
         let ways = (&self.preparation, self.matching.search.range_source(&self.preparation));
@@ -161,6 +195,12 @@ impl Match {
         mask_unseen(undistortion.as_ref(), &mut disparities, confidences.as_mut());
 
         let mut warnings = advice::warnings(&preparation, &disparities, &search);
+        if self.shrink.is_none() && shrink > 1 {
+            warnings.push(format!(
+                "the images were shrunk by {shrink}, since their disparities are above {MOST_DISPARITY}; disparities are in pixels of \
+                 the smaller images (--shrink)"
+            ));
+        }
         let of_depth = geometry.as_ref().filter(|_| outputs.of_depth().is_some());
         if let Some(geometry) = of_depth {
             let odd: Vec<String> = geometry.warnings(&disparities).iter().map(advice::warning).collect();

@@ -160,7 +160,8 @@ impl<T: Topology> MaxFlow<T> {
     pub fn push_to_neighbors(&mut self, nodes: Range<usize>) -> i64 {
         let mut flow = 0;
         for i in nodes {
-            for arc in 0..T::DEGREE {
+            // Graphs have the arcs of unbounded capacity last: what flows there spares the others.
+            for arc in (0..T::DEGREE).rev() {
                 let excess = self.nodes[i].excess;
                 if excess <= 0 {
                     break;

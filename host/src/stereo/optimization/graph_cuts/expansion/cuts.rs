@@ -7,8 +7,8 @@ use std::ops::Range;
 
 use super::expansion_move::{
     CappedTopology, DROP_NODE, ExpansionMove, NO_OWNER, Neighbors,
-    Outcome::{self, Keep, Occlude, Take},
-    Run, TAKE_NODE, TO_OTHER_KIND, TO_RIVAL, TO_SIBLING, UniqueTopology, stride_of,
+    Outcome::{Keep, Occlude, Take},
+    Run, TAKE_NODE, TO_RIVAL, TO_SIBLING, UniqueTopology, stride_of,
 };
 use crate::stereo::{
     cost::birchfield_tomasi::Intervals,
@@ -136,30 +136,6 @@ const _: () = {
     assert!(2 * (cost + 4 * cost * GraphCuts::MAX_STEP as i64) < UNBOUNDED as i64);
 };
 
-/// The smoothness term of two neighbours, by the [`Outcome`]s of the first and of the second.
-type PairCosts = [[i32; 3]; 3];
-
-/// Raises the costs at which just one of two pixels keeps its label, until the table is submodular and can be
-/// cut.
-///
-/// With linear smoothness it may not be: two pixels that keep different labels pay for their step, but a
-/// pixel next to an occluded one does not. The cut then overestimates the cost of some moves, but not that of
-/// changing nothing, so the energy still falls.
-fn make_submodular(mut costs: PairCosts) -> PairCosts {
-    let deficit = costs[0][0] + costs[1][1] - costs[0][1] - costs[1][0];
-    if deficit > 0 {
-        // As far as possible, split it so that the costs of keeping beside taking need not rise as well.
-        let first_room = costs[0][2] + costs[1][1] - costs[0][1] - costs[1][2];
-        let second_room = costs[2][0] + costs[1][1] - costs[1][0] - costs[2][1];
-        let first = (deficit / 2).min(first_room).max(deficit - second_room).clamp(0, deficit);
-        costs[0][1] += first;
-        costs[1][0] += deficit - first;
-    }
-    costs[0][2] = costs[0][2].max(costs[0][1] + costs[1][2] - costs[1][1]);
-    costs[2][0] = costs[2][0].max(costs[1][0] + costs[2][1] - costs[1][1]);
-    costs
-}
-
 impl ExpansionMove<'_> {
     /// Writes the labels that change in the best move to `next`.
     pub fn cut_unique<const CROSSED: bool>(&self, graph: &mut MaxFlow<UniqueTopology<CROSSED>>, next: &mut [Label]) {
@@ -225,45 +201,24 @@ impl ExpansionMove<'_> {
         }
     }
 
-    /// The smoothness term of two free neighbours.
-    #[inline(always)]
-    fn pair_costs(&self, neighbors: Neighbors) -> PairCosts {
-        let row = |outcome1: Outcome| {
-            [
-                self.pair_cost(neighbors, outcome1, Keep),
-                self.pair_cost(neighbors, outcome1, Occlude),
-                self.pair_cost(neighbors, outcome1, Take),
-            ]
-        };
-        [row(Keep), row(Occlude), row(Take)]
-    }
-
-    /// Adds the linear smoothness term of two free neighbours.
+    /// Adds the linear smoothness term of two free neighbours, of which only the kept labels and the new one beside a kept one
+    /// cost anything.
+    ///
+    /// Two pixels that keep different labels pay for their step, but a pixel beside an occluded one does not, so the term is not
+    /// submodular. It becomes so if a pixel also pays its share of the step for keeping its label beside an occluded one. The
+    /// cut then overestimates the cost of some moves, but not that of changing nothing, so the energy still falls.
     #[inline(always)]
     fn add_linear_pair<const CROSSED: bool>(&self, neighbors: Neighbors, graph: &mut MaxFlow<UniqueTopology<CROSSED>>) {
-        let costs = make_submodular(self.pair_costs(neighbors));
         let (node1, node2) = (2 * self.node(neighbors.first), 2 * self.node(neighbors.second));
-        for kind in [DROP_NODE, TAKE_NODE] {
-            graph.add_terminal(node1 + kind, costs[kind + 1][0] - costs[kind][0]);
-            graph.add_terminal(node2 + kind, costs[0][kind + 1] - costs[0][kind]);
-        }
-        for (kind1, kind2) in [(DROP_NODE, DROP_NODE), (DROP_NODE, TAKE_NODE), (TAKE_NODE, DROP_NODE), (TAKE_NODE, TAKE_NODE)] {
-            // How much less it costs to move both nodes to the sink's side than to move each alone: the
-            // capacity between them. It is split between both directions such that little remains to flow
-            // from the source and to the sink.
-            let saved = costs[kind1][kind2 + 1] + costs[kind1 + 1][kind2] - costs[kind1][kind2] - costs[kind1 + 1][kind2 + 1];
-            if saved == 0 {
-                continue;
-            }
-            let (arc, forward) = match (kind1, kind2) {
-                (DROP_NODE, TAKE_NODE) => (TO_OTHER_KIND + neighbors.arc(), saved),
-                (TAKE_NODE, DROP_NODE) => (TO_OTHER_KIND + neighbors.arc(), 0),
-                _ => (neighbors.arc(), saved / 2),
-            };
-            graph.add_arc(node1 + kind1, arc, forward, saved - forward);
-            graph.add_terminal(node1 + kind1, forward - saved);
-            graph.add_terminal(node2 + kind2, -forward);
-        }
+        let kept = self.pair_cost(neighbors, Keep, Keep);
+        let (second_takes, first_takes) = (self.pair_cost(neighbors, Keep, Take), self.pair_cost(neighbors, Take, Keep));
+        // As far as possible, shares such that keeping beside taking need not cost more as well.
+        let first = (kept / 2).min(second_takes).max(kept - first_takes).clamp(0, kept);
+        let second = kept - first;
+        graph.add_terminal(node1 + DROP_NODE, -first);
+        graph.add_terminal(node2 + DROP_NODE, -second);
+        graph.add_arc(node1 + DROP_NODE, neighbors.arc(), (second_takes - first).max(0), 0);
+        graph.add_arc(node1 + TAKE_NODE, neighbors.arc(), 0, (first_takes - second).max(0));
     }
 
     /// Adds the Potts smoothness term of two free neighbours. Each pixel pays for the label that it keeps

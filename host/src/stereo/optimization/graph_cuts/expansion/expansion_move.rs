@@ -306,15 +306,12 @@ pub const TAKE_NODE: usize = 1;
 pub const TO_SIBLING: usize = 4;
 /// The arc between the nodes of two pixels that compete for one match.
 pub const TO_RIVAL: usize = 5;
-/// The first arc from a node to the nodes of the other kind of its neighbours, in the order of [`TO_RIGHT`]
-/// and [`TO_BELOW`].
-pub const TO_OTHER_KIND: usize = 6;
 
 /// The graph for unique matches: two nodes per slot, [`DROP_NODE`] and [`TAKE_NODE`].
 ///
-/// Each node has arcs to the nodes of its own kind of the pixel's neighbours, to its sibling and to a rival.
-/// With `CROSSED`, it also has arcs to the nodes of the other kind of the neighbours, which linear smoothness
-/// needs.
+/// Each node has arcs to a node of each of the pixel's neighbours, to its sibling and to a rival. The nodes of
+/// the neighbours are of its own kind, which Potts smoothness needs, or with `CROSSED` of the other kind, which
+/// linear smoothness needs.
 #[derive(Clone, Debug)]
 pub struct UniqueTopology<const CROSSED: bool> {
     nodes: usize,
@@ -332,8 +329,8 @@ impl<const CROSSED: bool> UniqueTopology<CROSSED> {
 }
 
 impl<const CROSSED: bool> Topology for UniqueTopology<CROSSED> {
-    const DEGREE: usize = if CROSSED { 10 } else { 6 };
-    const REVERSE: &'static [usize] = if CROSSED { &[1, 0, 3, 2, 4, 5, 7, 6, 9, 8] } else { &[1, 0, 3, 2, 4, 5] };
+    const DEGREE: usize = 6;
+    const REVERSE: &'static [usize] = &[1, 0, 3, 2, 4, 5];
 
     fn nodes(&self) -> usize {
         self.nodes
@@ -342,10 +339,9 @@ impl<const CROSSED: bool> Topology for UniqueTopology<CROSSED> {
     #[inline(always)]
     fn head(&self, node: usize, arc: usize) -> usize {
         match arc {
-            ..TO_SIBLING => node.wrapping_add_signed(self.offsets[arc]),
+            ..TO_SIBLING => (node ^ usize::from(CROSSED)).wrapping_add_signed(self.offsets[arc]),
             TO_SIBLING => node ^ 1,
-            TO_RIVAL => self.rivals[node] as usize,
-            _ => (node ^ 1).wrapping_add_signed(self.offsets[arc - TO_OTHER_KIND]),
+            _ => self.rivals[node] as usize,
         }
     }
 }

@@ -16,7 +16,7 @@ use std::ops::Range;
 use super::parameters::{Label, OCCLUDED, Occlusion, Pixel};
 use crate::progress::Progress;
 
-use expansion_move::{NO_OWNER, slot_at, slots, stride_of};
+use expansion_move::{NO_OWNER, slot_at, stride_of};
 
 pub use labelling::{LabelChange, Labelling};
 
@@ -63,7 +63,7 @@ impl Labelling<'_> {
         if self.energy.occlusion_rule() == Occlusion::Unique {
             let [width, _] = self.energy.size();
             let stride = stride_of(width);
-            for (pixel, _) in slots(self.energy.size()).filter(|(pixel, _)| cells.contains(pixel.u, pixel.v)) {
+            for pixel in cells.pixels(self.energy.size()) {
                 let matched = self.energy.match_index(self.energy.view(), pixel, label);
                 let owner = matched.map_or(NO_OWNER, |matched| self.match_owners[matched]);
                 if owner != NO_OWNER {
@@ -157,6 +157,16 @@ impl CellSet {
     #[inline(always)]
     fn contains(&self, u: usize, v: usize) -> bool {
         self.cells[v / CELL_SIDE * self.columns + u / CELL_SIDE]
+    }
+
+    /// The pixels of the set in an image, cell by cell.
+    fn pixels(&self, [width, height]: [usize; 2]) -> impl Iterator<Item = Pixel> {
+        let side = |cell: usize, size: usize| cell * CELL_SIDE..size.min((cell + 1) * CELL_SIDE);
+        let cells = (0..self.cells.len()).filter(|&cell| self.cells[cell]);
+        cells.flat_map(move |cell| {
+            let columns = side(cell % self.columns, width);
+            side(cell / self.columns, height).flat_map(move |v| columns.clone().map(move |u| Pixel::at(u, v, width)))
+        })
     }
 
     /// Adds the cell of a pixel.

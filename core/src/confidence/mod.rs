@@ -25,27 +25,30 @@ pub struct PeakRatio {
 }
 
 impl PeakRatio {
-    /// The grade of the candidate at `index` of `count`, from 0 to 15: its ratio `256 (second - least) / (second + unit)`, halved
-    /// if it is the first or the last, where a better one may lie beyond, in half octaves. The grades begin at ratios of 0, 1, 2,
-    /// 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128 and 192.
+    /// The least grade, not 0, beside an end of the search.
+    const CLEAR: u8 = 14;
+
+    /// The grade of the candidate at `index` of `count`, from 0 to 15: its ratio `256 (second - least) / (second + unit)` in half
+    /// octaves. The grades begin at ratios of 0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128 and 192.
+    ///
+    /// The first and the last have a grade of 0, since a better one may lie beyond. So have those beside them if their own is below
+    /// 14: what is cut off by the range gathers there.
     #[inline(always)]
     pub fn grade(self, index: usize, count: usize) -> u8 {
-        self.grade_at(index == 0 || index + 1 == count)
+        let grade = half_octaves(self.ratio());
+        match index.min(count.wrapping_sub(1).wrapping_sub(index)) {
+            0 => 0,
+            1 if grade < Self::CLEAR => 0,
+            _ => grade,
+        }
     }
 
-    /// The [grade](PeakRatio::grade) of a candidate that is at an end of the search, or not.
+    /// The [grade](PeakRatio::grade) of the candidate at `index` of `count`, which is 0 without a second one, and whether it is
+    /// unique enough.
     #[inline(always)]
-    fn grade_at(self, is_end: bool) -> u8 {
-        let ratio = self.ratio();
-        half_octaves(if is_end { ratio / 2 } else { ratio })
-    }
-
-    /// The [grade](PeakRatio::grade) of a candidate that is at an end of the search, or not, which is 0 without a second one, and
-    /// whether it is unique enough.
-    #[inline(always)]
-    pub(crate) fn judge(ratio: Option<PeakRatio>, is_end: bool, uniqueness_ratio: Option<u8>) -> (u8, bool) {
+    pub(crate) fn judge(ratio: Option<PeakRatio>, index: usize, count: usize, uniqueness_ratio: Option<u8>) -> (u8, bool) {
         let Some(ratio) = ratio else { return (0, true) };
-        (ratio.grade_at(is_end), uniqueness_ratio.is_none_or(|percent| ratio.is_unique(percent)))
+        (ratio.grade(index, count), uniqueness_ratio.is_none_or(|percent| ratio.is_unique(percent)))
     }
 
     /// True if the second candidate costs over `percent` of the least cost more than that: the uniqueness ratio of OpenCV's
@@ -222,13 +225,16 @@ mod tests {
     }
 
     #[test]
-    fn grades_are_half_octaves_and_lower_at_the_ends() {
+    fn grades_are_half_octaves_and_none_at_the_ends() {
         let begins = [0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
         let grade = |ratio: u32| begins.iter().filter(|begin| **begin <= ratio).count() as u8 - 1;
         for rise in 0..256 {
             let ratio = PeakRatio { least: 1000 - rise, second: 1000, unit: 24 };
             let expected = rise * 256 / 1024;
-            assert_eq!([1, 0, 2].map(|index| ratio.grade(index, 3)), [expected, expected / 2, expected / 2].map(grade));
+            let inner = grade(expected);
+            let beside = if expected < 128 { 0 } else { inner };
+            assert_eq!([0, 1, 2, 3, 4].map(|index| ratio.grade(index, 5)), [0, beside, inner, beside, 0]);
+            assert_eq!([0, 1, 2].map(|index| ratio.grade(index, 3)), [0, beside, 0]);
         }
         assert!((0..256).all(|ratio| half_octaves(ratio) == grade(ratio)));
     }

@@ -66,8 +66,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
             let scale = self.params.fusion().scale(V) as u32;
             PeakRatio { least, second, unit: self.params.block_area() * scale }
         });
-        let is_end = index == 0 || index + 1 == self.params.num_disparities();
-        PeakRatio::judge(ratio, is_end, self.params.uniqueness_ratio())
+        PeakRatio::judge(ratio, index, self.params.num_disparities(), self.params.uniqueness_ratio())
     }
 
     /// The least fused cost of the existing candidates at these indices, and its index, the smallest if several tie.

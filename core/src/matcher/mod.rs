@@ -229,8 +229,8 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
     ///
     /// Of a winner with the fused cost `c1`, and the least cost `c2` of all candidates that are more than a pixel of
     /// disparity away, the ratio is `256 (c2 - c1) / (c2 + A)`, rounded down. `A` is the area of the block in pixels, on the
-    /// scale of the costs: a difference of one grey value in each sample. It is halved at both ends of the search, and 0 for
-    /// invalid pixels and where there is no `c2`.
+    /// scale of the costs: a difference of one grey value in each sample. The grade is 0 for invalid pixels and where
+    /// there is no `c2`.
     ///
     /// # Errors
     /// As [`next_line`](Matcher::next_line), also if `peaks` has the wrong length.

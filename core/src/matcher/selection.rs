@@ -333,7 +333,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
             return exact().peak();
         }
         let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };
-        PeakRatio::judge(Some(ratio), index.wrapping_sub(1) >= self.inner_disparities, self.params.uniqueness_ratio())
+        PeakRatio::judge(Some(ratio), index, self.params.num_disparities(), self.params.uniqueness_ratio())
     }
 }
 

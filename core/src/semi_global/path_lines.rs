@@ -315,7 +315,7 @@ impl<I: Kernel> PathSweep<'_, '_, I> {
                 let grade;
                 let (winner, count) = (reached.winner, search.num_disparities());
                 let ratio = PathWinners::peak_ratio(reached.costs, reached.excess, winner, count);
-                (grade, is_unique) = PeakRatio::judge(ratio, winner.1 == 0 || winner.1 + 1 == count, uniqueness_ratio);
+                (grade, is_unique) = PeakRatio::judge(ratio, winner.1, count, uniqueness_ratio);
                 if let Some(peak) = peaks.get_mut(reached.column) {
                     *peak = grade;
                 }

@@ -4,7 +4,7 @@
 //! code with the core. Every cost is an integer far below 2^53, so nothing rounds before the sub-pixel
 //! division.
 
-use super::grade;
+use super::grade_at;
 
 /// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
@@ -122,7 +122,7 @@ impl Match<'_> {
         // One view's cost, fused alone, is on the scale of all.
         let area = fuse_on(self.factor(), self.fusion, vec![f64::from(self.block_size.pow(2))]).expect("a cost");
         let ratio = (256.0 * (c2 - c1) / (c2 + area)).floor();
-        grade(if winner == 0 || winner == costs.len() - 1 { ratio / 2.0 } else { ratio })
+        grade_at(winner, costs.len(), ratio)
     }
 
     /// The fused cost of a candidate; `None` if no view is available.
@@ -212,6 +212,7 @@ pub fn raw16(pixel: Option<f64>) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grade;
 
     /// One line of a stereo pair, centre and right, matched by blocks of one pixel.
     fn line<'a>(center: &'a [u8], right: &'a [u8], min_disparity: i32, num_disparities: i32) -> Match<'a> {
@@ -257,8 +258,8 @@ mod tests {
         let pair = line(&[0, 0, 20, 0, 0], &right, -2, 5);
         let peak = |pair: Match| pair.fused_costs().peaks()[2];
         assert_eq!(peak(pair), grade(256.0 * 5.0 / 6.0));
-        // At an end of the search it is halved, and without a second candidate it is 0.
-        assert_eq!(peak(Match { min_disparity: 0, num_disparities: 3, ..pair }), grade(128.0 * 9.0 / 10.0));
+        // It is 0 at an end of the search, and without a second candidate.
+        assert_eq!(peak(Match { min_disparity: 0, num_disparities: 3, ..pair }), 0);
         assert_eq!(peak(Match { min_disparity: -1, num_disparities: 2, ..pair }), 0);
     }
 

@@ -47,6 +47,17 @@ pub fn grade(ratio: f64) -> u8 {
     BEGINS.iter().filter(|begin| **begin <= ratio).count() as u8 - 1
 }
 
+/// The grade of a peak ratio of the candidate at `index` of `count`: 0 at the ends, and beside them if it is below 14.
+pub fn grade_at(index: usize, count: usize, ratio: f64) -> u8 {
+    let is_end = index == 0 || index + 1 == count;
+    let is_beside = index == 1 || index + 2 == count;
+    match grade(ratio) {
+        _ if is_end => 0,
+        0..14 if is_beside => 0,
+        grade => grade,
+    }
+}
+
 /// The confidence at `(u, v)` of a `map`, invalid where it has no disparity, with evidence from 0 to 15, by a `table` of
 /// probabilities for each number of pixels that agree, from 1 on, and each evidence.
 pub fn confidence(map: &[Vec<Option<f32>>], evidence: u8, table: &[[u8; 16]; 27], (u, v): (usize, usize)) -> u8 {

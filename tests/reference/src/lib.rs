@@ -30,6 +30,6 @@ pub mod split_mix;
 pub use around_prior::AroundPrior;
 pub use block_matching::{FusedCosts, Fusion, Match, fixed, fuse, raw16};
 pub use disparity_network::DisparityNetwork;
-pub use images::{RectifiedImage, confidence, grade, gradients, medians, rectify, texture};
+pub use images::{RectifiedImage, confidence, grade, grade_at, gradients, medians, rectify, texture};
 pub use lucas_kanade::LucasKanade;
 pub use network_inputs::NetworkInputs;

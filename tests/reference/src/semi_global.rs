@@ -1,7 +1,7 @@
 //! Reference for semi-global matching: the paper's recursion, pixel by pixel, in integers that never
 //! saturate. `multiscopic_core::SemiGlobalParams` has the definition that it follows.
 
-use crate::{Fusion, fixed, grade};
+use crate::{Fusion, fixed, grade_at};
 
 /// The step `(du, dv)` along each path.
 pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0, -1), (1, -1), (-1, -1)];
@@ -107,8 +107,7 @@ impl Solution<'_> {
         let peak = |best: Option<(i64, i64, usize)>| {
             let Some((c1, c2, winner)) = best else { return 0 };
             let ratio = 256 * (c2 - c1) / (c2 + 16 * self.of.paths.len() as i64);
-            let is_at_end = winner == 0 || winner as i32 == self.of.num_disparities - 1;
-            grade((if is_at_end { ratio / 2 } else { ratio }) as f64)
+            grade_at(winner, self.of.num_disparities as usize, ratio as f64)
         };
         self.best_two().into_iter().map(peak).collect()
     }

@@ -53,6 +53,7 @@ class _Options(TypedDict, total=False):
     cbca_distance: int | None
     cbca_iterations_1: int | None
     cbca_iterations_2: int | None
+    search_margin: int | None
     disp12_max_diff: int | None
     uniqueness_ratio: int | None
     texture_threshold: int | None
@@ -62,6 +63,7 @@ class _Options(TypedDict, total=False):
     bilateral: tuple[float, float] | None
     sub_pixel: Literal["lucas-kanade", "none"] | None
     repair: Literal["smooth", "none"] | None
+    hidden: Literal["background", "none"] | None
     min_confidence: float | None
     smooth: bool | None
     fill: Literal["background"] | None

@@ -18,9 +18,10 @@ use crate::{
 };
 
 /// The options that have no effect on matches around a prior, which therefore refuse them.
-pub const PRIOR_EXCLUDES: [&str; 12] = [
+pub const PRIOR_EXCLUDES: [&str; 14] = [
     "method",
     "together",
+    "search_margin",
     "disp12_max_diff",
     "uniqueness_ratio",
     "texture_threshold",
@@ -28,6 +29,7 @@ pub const PRIOR_EXCLUDES: [&str; 12] = [
     "median",
     "bilateral",
     "repair",
+    "hidden",
     "min_confidence",
     "smooth",
     "fill",

@@ -5,7 +5,10 @@ use multiscopic::{
     Result,
     stereo::{
         confidence_map,
-        refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Smoother, Speckles, TextureThreshold},
+        refinement::{
+            BackgroundFill, Bilateral, LucasKanade, Median, OcclusionFill, Refinement, SearchMargin, Smoother, Speckles,
+            TextureThreshold,
+        },
     },
 };
 
@@ -18,6 +21,11 @@ use crate::{
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Filters")]
 pub(crate) struct RefinementOptions {
+    /// Search N disparities more beyond each end of the range, so as not to be sure of what the range cuts off [default: 0, 4 for
+    /// net]
+    #[arg(long, value_name = "N")]
+    search_margin: Option<u16>,
+
     /// Keep a disparity only if a view confirms it to within this many pixels; not for gc (OpenCV: disp12MaxDiff)
     /// [default: keep all]
     #[arg(long, value_name = "N")]
@@ -58,6 +66,10 @@ pub(crate) struct RefinementOptions {
     /// image; others move by up to half a pixel [default: none, smooth for net]
     #[arg(long, value_name = "STEP", value_parser = named::<RepairName>())]
     repair: Option<RepairName>,
+
+    /// Fill what the only neighbour does not see [default: none, background for net with one neighbour]
+    #[arg(long, value_name = "STEP", value_parser = named::<HiddenName>())]
+    hidden: Option<HiddenName>,
 
     /// Keep a disparity only if it is at most one pixel off with this probability, from 0 to 1: 0.9 for few mistakes [default:
     /// keep all]
@@ -147,6 +159,33 @@ impl Named for RepairName {
     }
 }
 
+/// The fate of disparities where the only neighbour sees nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum HiddenName {
+    /// They become those of the background.
+    Background,
+    /// They stay.
+    None,
+}
+
+impl Named for HiddenName {
+    const ALL: &'static [HiddenName] = &[HiddenName::Background, HiddenName::None];
+
+    fn name(&self) -> &'static str {
+        match self {
+            HiddenName::Background => OcclusionFill::NAME,
+            HiddenName::None => "none",
+        }
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            HiddenName::Background => "From the farther surface beside it; no effect with more neighbours",
+            HiddenName::None => "Not at all",
+        }
+    }
+}
+
 /// Returns true if the method has costs that checks can look at.
 fn has_costs(settings: &Settings) -> bool {
     !matches!(method(settings), "gc" | "net")
@@ -154,7 +193,7 @@ fn has_costs(settings: &Settings) -> bool {
 
 impl RefinementOptions {
     /// The controls of the page.
-    pub(crate) const ON_PAGE: [Entry; 11] = [
+    pub(crate) const ON_PAGE: [Entry; 12] = [
         Entry::slider("uniqueness-ratio", "Uniqueness ratio, %", [0.0, 60.0, 1.0], 10.0, Unset::Off).if_(has_costs),
         Entry::slider("disp12-max-diff", "Left-right check, px", [0.0, 16.0, 1.0], 1.0, Unset::Off).if_(has_costs),
         Entry::slider("texture-threshold", "Texture threshold", [0.0, 4000.0, 10.0], 200.0, Unset::Off),
@@ -164,6 +203,7 @@ impl RefinementOptions {
             .if_(|settings| settings.contains_key("speckle-window-size")),
         Entry::list("sub-pixel", "Sub-pixel step"),
         Entry::list("repair", "Repair"),
+        Entry::list("hidden", "Hidden from the only neighbour"),
         Entry::slider("min-confidence", "Least confidence", [0.0, 1.0, 0.01], 0.9, Unset::Off),
         Entry::list("smooth", "Smooth"),
         Entry::list("fill", "Fill from the background"),
@@ -179,14 +219,17 @@ impl RefinementOptions {
     pub(crate) fn refinement(&self, defaults: &Refinement, smoother: Smoother, block_size: u8) -> Result<Refinement> {
         let sharpens = defaults.sub_pixel.is_some();
         let repairs = defaults.repair.is_some();
+        let fills = defaults.occlusions.is_some();
         let speckles = |window_size| Speckles { window_size, range: self.speckle_range };
         Ok(Refinement {
+            margin: self.search_margin.map_or(defaults.margin, SearchMargin::of),
             uniqueness: self.uniqueness_ratio,
             texture: self.texture_threshold.map(|threshold| TextureThreshold { threshold, block_size }),
             speckles: self.speckle_window_size.map(speckles),
             left_right: self.disp12_max_diff,
             sub_pixel: self.sub_pixel.map_or(sharpens, |name| name == SubPixelName::LucasKanade).then_some(LucasKanade),
             repair: self.repair.map_or(repairs, |name| name == RepairName::Smooth).then_some(smoother),
+            occlusions: self.hidden.map_or(fills, |name| name == HiddenName::Background).then_some(OcclusionFill),
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
             smoother: self.smooth.then_some(smoother),

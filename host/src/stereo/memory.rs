@@ -18,6 +18,11 @@ impl Method {
     /// Of graph cuts it is counted. Of others it is a line through what the program took at up to eight views and 64
     /// disparities, rounded up: up to twice as much, or a little more if no image has colors.
     pub fn bytes(&self, search: &SearchSpace, frames: &Frames) -> u64 {
+        self.bytes_of_all(&self.refinement.margin.widened(search), frames)
+    }
+
+    /// [`bytes`](Method::bytes) of a search that has its margin.
+    fn bytes_of_all(&self, search: &SearchSpace, frames: &Frames) -> u64 {
         let (pixels, views, disparities) = (search.width() * search.height(), search.views().len(), search.num_disparities());
         // Costs are kept in whole vectors.
         let lanes = disparities.next_multiple_of(32) as f64;
@@ -47,18 +52,20 @@ impl Method {
         image_bytes(search) + (pixels as f64 * matching.max(opinion)) as u64
     }
 
-    /// The bands that the network is computed in: none if it fits at once into the memory that the engine may take.
+    /// The bands that the network is computed in: none if it fits at once into the memory that the engine may take. The search
+    /// has its margin.
     pub(super) fn bands(&self, search: &SearchSpace, frames: &Frames, engine: &Engine) -> Option<Bands> {
-        let most = engine.most_bytes().filter(|&most| self.bytes(search, frames) > most)?;
+        let most = engine.most_bytes().filter(|&most| self.bytes_of_all(search, frames) > most)?;
         let is_network = matches!(self.pipeline, Pipeline::Network(_)) && search.check_views().is_ok();
         Bands::within(most.saturating_sub(image_bytes(search)), search).filter(|_| is_network)
     }
 
     /// Estimates [`bytes`](Method::bytes), in bands if the network does not fit at once.
     pub(super) fn least_bytes(&self, search: &SearchSpace, frames: &Frames, engine: &Engine) -> u64 {
+        let search = &self.refinement.margin.widened(search);
         match self.bands(search, frames, engine) {
             Some(bands) => image_bytes(search) + bands.bytes(search),
-            None => self.bytes(search, frames),
+            None => self.bytes_of_all(search, frames),
         }
     }
 }

@@ -20,7 +20,7 @@ use super::{
         graph_cuts::GraphCuts,
         winner,
     },
-    refinement::{Refinement, Smoother},
+    refinement::{Refinement, SearchMargin, Smoother},
 };
 use crate::{
     error::{Error, Result},
@@ -202,7 +202,7 @@ impl Method {
             Some(table) => confidence_map::confidences(&map, &evidence, table, engine),
             None => confidence_map::where_valid(&map, evidence),
         };
-        engine.install(|| self.refinement.by_confidence(map, confidences, frames))
+        engine.install(|| self.refinement.by_confidence(map, confidences, frames, search.views()))
     }
 
     /// [`disparities`](Method::disparities), before refinements by confidence, and the evidence for them: see
@@ -299,6 +299,24 @@ impl Method {
         engine: &Engine,
         frames: &Frames,
         search: &SearchSpace,
+        mut evidence: Option<&mut Raster<u8>>,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
+        let range = search;
+        let search = &self.refinement.margin.widened(range);
+        let mut map = self.disparities_of_all(engine, frames, search, evidence.as_deref_mut(), progress)?;
+        if search != range {
+            self.refinement.margin.cut(&mut map, evidence, range);
+        }
+        Ok(map)
+    }
+
+    /// Estimates disparities by all views together in the whole range that is searched, and the evidence for them.
+    fn disparities_of_all(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        search: &SearchSpace,
         evidence: Option<&mut Raster<u8>>,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
@@ -348,7 +366,8 @@ impl Method {
             }
         };
         if let Some(evidence) = opinion.filter(|_| !progress.is_interrupted()) {
-            let (found, sure) = Method::net().disparities_and_evidence(engine, frames, search, &())?;
+            let net = Method::net().with_refinement(Refinement { margin: SearchMargin::NETWORK, ..Refinement::NONE });
+            let (found, sure) = net.disparities_and_evidence(engine, frames, search, &())?;
             *evidence = confidence_map::support(&map, &found, &sure, engine);
         }
         Ok(engine.install(|| self.refinement.filter(map, frames, search.views())))

@@ -12,7 +12,7 @@ use super::{
     cost_function::CostName,
     method::{Method, Pipeline},
     optimization::{edge_aware::Penalties, graph_cuts::GraphCuts},
-    refinement::{LucasKanade, Refinement},
+    refinement::{LucasKanade, OcclusionFill, Refinement, SearchMargin},
 };
 use crate::error::Result;
 
@@ -68,8 +68,13 @@ impl MethodName {
             MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate, Penalties::ACCURATE)?,
             MethodName::Net => {
                 let net = Method::net();
-                let repair = Some(net.smoother());
-                net.with_refinement(Refinement { sub_pixel: Some(LucasKanade), repair, ..Refinement::NONE })
+                net.clone().with_refinement(Refinement {
+                    margin: SearchMargin::NETWORK,
+                    sub_pixel: Some(LucasKanade),
+                    repair: Some(net.smoother()),
+                    occlusions: (views == 1).then_some(OcclusionFill),
+                    ..Refinement::NONE
+                })
             }
         })
     }

@@ -60,7 +60,7 @@ use volume_part::VolumePart;
 
 /// The parameters of the network: a search in views of the centre's row of the array.
 ///
-/// The result has the bits of the host's `match --method net` of grey frames.
+/// The result has the bits of the host's `match --method net --search-margin 0` of grey frames, before its repair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct NetworkParams {

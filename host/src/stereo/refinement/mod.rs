@@ -4,6 +4,8 @@ mod checks;
 mod filters;
 mod line_solver;
 mod lucas_kanade;
+mod margin;
+mod occlusions;
 mod smoother;
 
 use std::ops::RangeInclusive;
@@ -23,6 +25,8 @@ pub use checks::{Speckles, TextureThreshold, check_left_right, keep_unique, view
 pub(in crate::stereo) use filters::fill_lines;
 pub use filters::{BackgroundFill, Bilateral, Median};
 pub use lucas_kanade::LucasKanade;
+pub use margin::SearchMargin;
+pub use occlusions::OcclusionFill;
 pub use smoother::Smoother;
 
 /// The refinements of a method's disparities, applied in the order of the fields; by default none.
@@ -33,6 +37,8 @@ pub use smoother::Smoother;
 /// [`by_confidence`](Refinement::by_confidence), in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Refinement {
+    /// The search beyond the range, by which disparities are known that the range cuts off.
+    pub margin: SearchMargin,
     /// The [uniqueness](keep_unique) ratio in percent.
     pub uniqueness: Option<u8>,
     /// The tolerance of the [left-right check](check_left_right) in pixels.
@@ -49,6 +55,8 @@ pub struct Refinement {
     pub sub_pixel: Option<LucasKanade>,
     /// The [repair](Smoother::repair) of disparities that are more probably wrong than right, by the sure ones around them.
     pub repair: Option<Smoother>,
+    /// A filter that fills what the only view does not see. It has no effect on matches with more views.
+    pub occlusions: Option<OcclusionFill>,
     /// The least [confidence](crate::stereo::confidence_map) of disparities that are kept after the filters above.
     pub min_confidence: Option<u8>,
     /// The smoother that makes a dense map from the sure disparities.
@@ -60,6 +68,7 @@ pub struct Refinement {
 impl Refinement {
     /// No refinement.
     pub const NONE: Refinement = Refinement {
+        margin: SearchMargin::NONE,
         uniqueness: None,
         left_right: None,
         texture: None,
@@ -68,6 +77,7 @@ impl Refinement {
         speckles: None,
         sub_pixel: None,
         repair: None,
+        occlusions: None,
         min_confidence: None,
         smoother: None,
         fill: None,
@@ -80,7 +90,8 @@ impl Refinement {
 
     /// Returns true if [`by_confidence`](Refinement::by_confidence) does anything.
     pub fn needs_confidences(&self) -> bool {
-        self.repair.is_some() || self.min_confidence.is_some() || self.smoother.is_some() || self.fill.is_some()
+        let repairs = self.repair.is_some() || self.occlusions.is_some();
+        repairs || self.min_confidence.is_some() || self.smoother.is_some() || self.fill.is_some()
     }
 
     /// Returns true if the centre's colours matter.
@@ -99,7 +110,7 @@ impl Refinement {
     }
 
     /// Applies the refinements that depend on the confidences of the filtered disparities, on the threads of the current pool.
-    /// The edges are those of the centre of `frames`.
+    /// The edges are those of the centre of `frames`, and the disparities are by `views`.
     ///
     /// # Errors
     /// If the parameters of a smoother are out of range.
@@ -108,10 +119,16 @@ impl Refinement {
         mut map: DisparityMap,
         mut confidences: ConfidenceMap,
         frames: &Frames,
+        views: Views,
     ) -> Result<(DisparityMap, ConfidenceMap)> {
         let guide = || frames.picture(Frame::Center).expect("a centre");
         if let Some(smoother) = self.repair {
             (map, confidences) = smoother.repair(&map, &confidences, &guide())?;
+        }
+        if let Some(fill) = self.occlusions
+            && let (Some(view), 1) = (views.get(0), views.len())
+        {
+            (map, confidences) = fill.apply(&map, &confidences, view);
         }
         if let Some(least) = self.min_confidence {
             confidence_map::filter_by_confidence(&mut map, &mut confidences, least);

@@ -45,7 +45,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
             SemiGlobalCost::Sad { block_size } => format!("--method sgm --cost sad --block-size {block_size}"),
             SemiGlobalCost::Census(census) => format!("--method sgm --census {}", census.name()),
         },
-        Matching::Network(_) => "--method net --sub-pixel none --repair none".into(),
+        Matching::Network(_) => "--method net --search-margin 0 --sub-pixel none --repair none --hidden none".into(),
     };
     for fusion in Fusion::ALL.map(Fusion::name) {
         let common = ["--fusion", fusion, "-o"].map(str::to_owned);

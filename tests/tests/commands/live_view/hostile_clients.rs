@@ -151,6 +151,7 @@ const SETTINGS: [(&str, &[&str]); 25] = [
     ("speckle-range", &["0", "16"]),
     ("sub-pixel", &["default", "lucas-kanade", "none"]),
     ("repair", &["default", "smooth", "none"]),
+    ("hidden", &["default", "background", "none"]),
     ("min-confidence", &["0", "1"]),
     ("smooth", &["", "x"]),
 ];

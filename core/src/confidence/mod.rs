@@ -31,8 +31,8 @@ impl PeakRatio {
     /// The grade of the candidate at `index` of `count`, from 0 to 15: its ratio `256 (second - least) / (second + unit)` in half
     /// octaves. The grades begin at ratios of 0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128 and 192.
     ///
-    /// The first and the last have a grade of 0, since a better one may lie beyond. So have those beside them if their own is below
-    /// 14: what is cut off by the range gathers there.
+    /// The first and the last have a grade of 0, since a better one may lie beyond. So have those beside them if their own is
+    /// below 14: what is cut off by the range gathers there.
     #[inline(always)]
     pub fn grade(self, index: usize, count: usize) -> u8 {
         let grade = half_octaves(self.ratio());

@@ -270,8 +270,21 @@ fn captures_and_matches(images: &ViewSet) -> Outcome {
     let disparities = |folder: &Path, name: &str| -> Result<Vec<u8>, Box<dyn Error>> {
         let (path, out) = (rig.path(name), rig.path("out.pfm"));
         let [folder, out, raw] = [folder, &out, &path].map(|path| path.to_str().expect("a path in UTF-8"));
-        Invocation::new(["match", folder, "-o", out, "--raw16", raw, "--num-disparities", "18", "--block-size", "9"])
-            .assert_done();
+        Invocation::new([
+            "match",
+            folder,
+            "--method",
+            "bm",
+            "-o",
+            out,
+            "--raw16",
+            raw,
+            "--num-disparities",
+            "18",
+            "--block-size",
+            "9",
+        ])
+        .assert_done();
         Ok(fs::read(path)?)
     };
     if disparities(&folder, "captured.png")? != disparities(&fed, "fed.png")? {

@@ -29,7 +29,8 @@ fn capture(camera: &str, folder: &Path, more: &[&str]) -> Invocation {
 /// The medians of the absolute error of what `match` finds, in pixels and as a share of the true disparity.
 fn median_errors(folder: &Path) -> [f64; 2] {
     let output = folder.with_extension("pfm");
-    let arguments = ["match", folder.to_str().unwrap(), "--num-disparities", "30", "-o", output.to_str().unwrap()];
+    let arguments =
+        ["match", folder.to_str().unwrap(), "--method", "bm", "--num-disparities", "30", "-o", output.to_str().unwrap()];
     Invocation::new(arguments).assert_done();
     let (found, truth) = (read_pfm(&output).2, read_pfm(&folder.join("truth.pfm")).2);
     let both: Vec<[f64; 2]> = found.iter().zip(&truth).map(|(a, b)| [a, b].map(|d| f64::from(*d))).collect();
@@ -193,7 +194,7 @@ fn a_mount_is_found_and_taken_out() {
 
     let options = ["--baseline", "20", "--lens", &lens, "--mount", &mount, "-o", &rig];
     run_at("640x480", &["capture"], errors.as_ref(), &options).assert_done();
-    Invocation::new(["match", &rig, "--num-disparities", "48", "-o", &disparities]).assert_done();
+    Invocation::new(["match", &rig, "--method", "bm", "--num-disparities", "48", "-o", &disparities]).assert_done();
     let ((_, _, found), (_, _, truth)) = (read_pfm(disparities.as_ref()), read_pfm(&at("rig").join("truth.pfm")));
     let pairs = found.iter().zip(&truth).filter(|(found, truth)| found.is_finite() && truth.is_finite());
     let mut shares: Vec<f32> = pairs.map(|(found, truth)| (found / truth - 1.0).abs()).collect();

@@ -207,7 +207,11 @@ fn misalignment_is_corrected() {
     let disparities = |rig: &str, arguments: &[&str]| {
         let (rig, out) = (path(rig), path("out.pfm"));
         let run = Invocation::new(
-            [&["match", rig.to_str().unwrap(), "-o", out.to_str().unwrap(), "--num-disparities", "24"], arguments].concat(),
+            [
+                &["match", rig.to_str().unwrap(), "--method", "bm", "-o", out.to_str().unwrap(), "--num-disparities", "24"],
+                arguments,
+            ]
+            .concat(),
         );
         run.assert_done();
         read_pfm(&out).2

@@ -31,7 +31,8 @@ fn array(reach: i32) -> Vec<(i32, i32)> {
     all.filter(|&offset| offset != (0, 0)).collect()
 }
 
-const SEARCH: [&str; 7] = ["--min-disparity", "-2", "--num-disparities", "5", "--block-size", "3", "--together"];
+const SEARCH: [&str; 9] =
+    ["--method", "bm", "--min-disparity", "-2", "--num-disparities", "5", "--block-size", "3", "--together"];
 
 /// The disparities of a match of `source`, and what it said.
 #[track_caller]
@@ -102,7 +103,7 @@ fn the_demo_takes_any_layout_and_longer_baselines() {
         assert!(links.iter().all(|link| demo.join(link.replace("%2C", ",")).is_file()), "{links:?}");
 
         let again = folder.path().join("again.pfm").display().to_string();
-        Invocation::new(["match", &output, "--num-disparities", "9", "-o", &again]).assert_done();
+        Invocation::new(["match", &output, "--method", "bm", "--num-disparities", "9", "-o", &again]).assert_done();
         let read = |path: &Path| fs::read(path).expect("a map");
         assert!(read(again.as_ref()) == read(&demo.join(format!("{last}.pfm"))), "a match of the folder, {last}");
     }
@@ -197,7 +198,7 @@ fn what_cannot_be_taken_is_refused() {
 fn median_error(rig: &Path, truth: &[f32]) -> f32 {
     let pfm = rig.with_extension("pfm");
     let [folder, out] = [rig, &pfm].map(|path| path.to_str().expect("a path in UTF-8"));
-    Invocation::new(["match", folder, "--num-disparities", "16", "-o", out]).assert_done();
+    Invocation::new(["match", folder, "--method", "bm", "--num-disparities", "16", "-o", out]).assert_done();
     let (_, _, disparities) = read_pfm(&pfm);
     let mut errors: Vec<f32> = disparities.iter().zip(truth).map(|(found, truth)| (found - truth).abs()).collect();
     errors.sort_unstable_by(f32::total_cmp);

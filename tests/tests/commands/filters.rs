@@ -23,7 +23,8 @@ impl Capture {
     fn matched(&self, options: &str) -> Invocation {
         let (rig, output) = (self.path("0000"), self.path("d.pfm"));
         let arguments = ["match", &rig, "--num-disparities", "14", "-o", &output];
-        Invocation::new(arguments.into_iter().chain(options.split_whitespace()))
+        let method = if options.contains("--method") { &[][..] } else { &["--method", "bm"] };
+        Invocation::new(arguments.iter().chain(method).copied().chain(options.split_whitespace()))
     }
 
     /// The disparities, +inf where there is none.

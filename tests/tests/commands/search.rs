@@ -30,7 +30,9 @@ static SCENE: LazyLock<(ViewSet, Vec<f32>)> = LazyLock::new(|| {
 fn said(images: &ViewSet, folder: &Path, arguments: &[&str]) -> String {
     images.write_rig(folder);
     let out = folder.join("out.pfm");
-    let run = Invocation::new([&["match", folder.to_str().unwrap(), "-o", out.to_str().unwrap()], arguments].concat());
+    let run = Invocation::new(
+        [&["match", folder.to_str().unwrap(), "--method", "bm", "-o", out.to_str().unwrap()], arguments].concat(),
+    );
     run.assert_done();
     run.stderr
 }
@@ -212,7 +214,7 @@ fn refined(images: &ViewSet, map: &[Option<i32>]) -> Vec<Option<i32>> {
 #[track_caller]
 fn matched(folder: &Path, offsets: &[(i32, i32)], arguments: &[&str]) -> Vec<Option<i32>> {
     let path = |name: &str| folder.join(format!("{name}.pgm")).display().to_string();
-    let mut all = vec!["match".to_owned(), "--center".into(), path("center")];
+    let mut all = vec!["match".to_owned(), "--method".into(), "bm".into(), "--center".into(), path("center")];
     for &(right, down) in offsets {
         let name = match (right, down) {
             (-1, 0) => "left",

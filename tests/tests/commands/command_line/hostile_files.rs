@@ -75,7 +75,10 @@ fn png([width, height]: [u32; 2], color: u8, chunks: &[(&[u8; 4], Vec<u8>)]) -> 
 /// Matches an image with itself.
 fn matched(dir: &TempDir, image: &str) -> Invocation {
     let output = dir.path().join("out.pfm");
-    Invocation::within(MEMORY, ["match", "--center", image, "--right", image, "-o", output.to_str().expect("UTF-8")])
+    Invocation::within(
+        MEMORY,
+        ["match", "--center", image, "--right", image, "--method", "bm", "-o", output.to_str().expect("UTF-8")],
+    )
 }
 
 #[test]

@@ -70,7 +70,7 @@ fn results_are_those_of_the_references() {
         bench.add("--num-disparities", num_disparities.to_string());
         match method {
             GoldenMethod::Blocks { block_size } => {
-                bench.add("--block-size", block_size.to_string());
+                bench.add("--method", "bm").add("--block-size", block_size.to_string());
             }
             GoldenMethod::SemiGlobal { cost, penalties: [p1, p2] } => {
                 bench.add("--method", "sgm").add("--p1", p1.to_string()).add("--p2", p2.to_string());
@@ -95,13 +95,14 @@ fn results_are_those_of_the_references() {
 }
 
 #[test]
-fn any_set_of_views_matches_with_defaults() {
+fn any_set_of_views_matches_with_the_papers_defaults() {
     for views in 1..16_u8 {
         let views = [0, 1, 2, 3].map(|i| views >> i & 1 != 0);
         let fusion = if views.into_iter().filter(|&view| view).count() <= 2 { Fusion::Min } else { Fusion::Heuristic };
         let mut bench = Bench::new(views);
         bench.output("-o", "out.pfm");
         let raw = bench.output("--raw16", "raw.png");
+        bench.add("--method", "bm").add("--min-disparity", "1");
         bench.run().assert_done();
         assert_eq!(read_raw16(&raw).2, reference(views, fusion, 1, 60, 11), "{views:?}");
     }
@@ -279,7 +280,7 @@ fn the_demo_writes_what_it_reports() {
     let again = dir.path().join("again.pfm");
     let cloud = dir.path().join("cloud.ply");
     let [again_path, cloud_path] = [&again, &cloud].map(|path| path.to_str().expect("UTF-8"));
-    Invocation::new(["match", output, "--num-disparities", "9", "-o", again_path]).assert_done();
+    Invocation::new(["match", output, "--method", "bm", "--num-disparities", "9", "-o", again_path]).assert_done();
     assert!(fs::read(&again).expect("a map") == fs::read(demo.join("4-views-heuristic.pfm")).expect("a map"));
 
     // The point cloud is that of the best map.

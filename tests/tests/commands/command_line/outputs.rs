@@ -93,7 +93,7 @@ fn read_npy(bytes: &[u8]) -> ([usize; 2], Vec<f32>) {
 fn every_format_has_the_same_numbers() {
     let (dir, rig) = rig_of("160x120");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    let base = ["match", &rig, "--num-disparities", "24", "--uniqueness-ratio", "10"];
+    let base = ["match", &rig, "--method", "bm", "--num-disparities", "24", "--uniqueness-ratio", "10"];
     Invocation::new(base.into_iter().chain(["-o", &path("d.pfm"), "--depth", &path("z.pfm")])).assert_done();
     Invocation::new(base.into_iter().chain(["-o", &path("d.npy"), "--depth", &path("z.npy")])).assert_done();
     Invocation::new(base.into_iter().chain(["-o", &path("d.npz"), "--depth", &path("z.npz")])).assert_done();
@@ -187,7 +187,8 @@ fn matched(dir: &Path, options: &[&str]) -> Invocation {
     let path = |name: &str| dir.join(name).to_str().expect("a path in UTF-8").to_owned();
     let [rig, output] = [path("0000"), path("d.pfm")];
     let options = options.iter().map(|option| option.strip_prefix('@').map_or_else(|| (*option).to_owned(), path));
-    let required = ["match", &rig, "--num-disparities", "24", "--uniqueness-ratio", "10", "-o", &output].map(str::to_owned);
+    let required = ["match", &rig, "--method", "bm", "--num-disparities", "24", "--uniqueness-ratio", "10", "-o", &output]
+        .map(str::to_owned);
     Invocation::new(required.into_iter().chain(options))
 }
 

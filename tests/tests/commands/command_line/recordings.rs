@@ -95,7 +95,9 @@ fn every_field_and_pixel_is_that_of_the_other_files() {
     let rig = path("scenes/0000");
     let outputs = [("-o", "d.pfm"), ("--depth", "z.pfm"), ("--confidence", "c.png"), ("--ply", "p.ply"), ("--mcap", "r.mcap")];
     let mut words: Vec<String> =
-        ["match", &rig, "--num-disparities", "24", "--uniqueness-ratio", "10", "--doffs", "2"].map(Into::into).into();
+        ["match", &rig, "--method", "bm", "--num-disparities", "24", "--uniqueness-ratio", "10", "--doffs", "2"]
+            .map(Into::into)
+            .into();
     outputs.iter().for_each(|(option, name)| words.extend([(*option).into(), path(name)]));
     Invocation::new(words).assert_done();
 

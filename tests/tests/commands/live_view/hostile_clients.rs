@@ -127,7 +127,7 @@ fn broken_requests_and_messages_end_their_connection_alone() {
 }
 
 /// Options of the page, with values that some of them take.
-const SETTINGS: [(&str, &[&str]); 25] = [
+const SETTINGS: [(&str, &[&str]); 26] = [
     ("method", &["bm", "sgm", "gc", "net", "mccnn-fast"]),
     ("fusion", &["min", "mean", "heuristic", "half"]),
     ("min-disparity", &["-128", "0", "255"]),

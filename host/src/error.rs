@@ -184,7 +184,7 @@ fn shortened(text: &str, most: usize) -> String {
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// The reason why views cannot be aligned.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AlignmentError {
     /// Too few corners of the centre are found in a view.
@@ -198,6 +198,22 @@ pub enum AlignmentError {
         needed: usize,
         /// The probable cause, and what to do.
         hint: &'static str,
+    },
+    /// A view stands far from where its name says.
+    #[error(
+        "the {view} view stands {angle_deg:.0} degrees from its direction, at {length:.2} of its baseline, and alignment allows \
+         {allowed_deg:.0} degrees and half to twice the baseline: check that no views are swapped, and move the camera along its rows and \
+         columns without turning it"
+    )]
+    Misplaced {
+        /// The view.
+        view: View,
+        /// The angle between its place and where its name says, in degrees.
+        angle_deg: f64,
+        /// The distance from the centre, in nominal ones.
+        length: f64,
+        /// The largest angle that is allowed, in degrees.
+        allowed_deg: f64,
     },
     /// The matches fit any positions of the views.
     #[error("the images do not determine how the views are aligned")]

@@ -1,54 +1,117 @@
 //! Bundle adjustment: the models of all views and the disparities of all corners that explain the matches best.
 //!
 //! ```text
-//! unknowns: seven parameters of each view (rotation, scale, position) and one disparity of each corner
+//! unknowns: nine parameters of each view (rotation, scale, shift, position) and one disparity of each corner
 //! start at the nominal views, and at the mean of each corner's disparities
 //! repeat until the cost settles (Levenberg and Marquardt):
 //!     weigh each residual down that is large beside the noise (Cauchy)
 //!     linearise: each match gives two equations in its view's parameters and its corner's disparity
 //!     eliminate the disparities, each of which stands in the equations of its corner alone (Schur complement)
-//!     add the priors of the views' parameters, of the mean baseline and of the turn that all views share
+//!     add the priors of the views' parameters, of the mean baseline, and of the turn and the shift that all views share
 //!     solve for the views by Cholesky's method, then for each disparity
 //!     keep the step and damp less if it lowers the cost; else damp more
 //!     lower the noise to the median residual, at most by half, so that all matches count at first
 //! ```
 //!
-//! All disparities plus a constant and a turn of all views towards their baselines look alike but for the perspective at the
-//! borders, and so does a lens that distorts. So [`adjust`] solves with that turn fixed and with it free, and believes in it
-//! only if the views' own turns make it likely, or if it explains much more than no turn and more than any lens.
+//! Which of the unknowns are free is up to the priors: see `selection`.
 
 use multiscopic_core::View;
-use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
-
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, Vector3};
 use rayon::prelude::*;
 
-use super::view_geometry::{Projection, ViewModel};
+use super::view_geometry::{Direction, Projection, ViewModel};
 
 /// The number of parameters of a view.
-const LEN: usize = ViewModel::LEN;
-/// Standard deviations of the parameters before anything is seen: rotations in radians, the logarithm of the scale, and
-/// positions in baselines, as arms, slides and hands have them.
-const PRIOR: [f64; LEN] = [0.02, 0.02, 0.02, 0.01, 0.05, 0.05, 0.05];
-/// Those of views that a stage has moved without turning the camera on purpose, by an unknown angle to its axes.
-const PRIOR_OF_STAGE: [f64; LEN] = [2e-4, 2e-4, 2e-4, 1e-6, 0.2, 0.2, 0.2];
+pub const LEN: usize = ViewModel::LEN;
+/// The first of a view's parameters for its rotation, its scale, its shift and its position.
+pub const ROTATION: usize = 0;
+pub const SCALE: usize = 3;
+pub const SHIFT: usize = 4;
+pub const POSITION: usize = 6;
 /// The maximum number of iterations.
 const MAX_ITERATIONS: usize = 200;
 /// Residuals above this multiple of their scale lose weight (Cauchy).
 const CAUCHY: f64 = 2.0;
-/// The standard deviation of the mean length of the baselines, in nominal ones. Longer baselines and smaller disparities
-/// explain the matches just as well, so this holds it.
+/// The standard deviation of the mean length of the baselines, in nominal ones.
 const LENGTH_DEVIATION: f64 = 1e-6;
-/// The largest credible turn that the views share, in multiples of the spread of their turns towards their baselines.
-const LIKELY: f64 = 2.0;
-/// The factor by which the matches' error must fall for the turn to be believed in any case.
-const CLEAR_GAIN: f64 = 0.8;
-/// The factor by which it must fall for a lens to be suspected.
-const NOTICEABLE_GAIN: f64 = 0.95;
-/// A turn that is not free, in radians.
-const FIXED: f64 = 1e-7;
-/// Distortions that may explain the matches instead: the displacement at a focal length from the optical axis, in focal
-/// lengths.
-const DISTORTIONS: [f64; 8] = [-0.4, -0.25, -0.15, -0.08, -0.04, 0.04, 0.08, 0.15];
+/// The standard deviation of a parameter that is not free.
+pub const FIXED: f64 = 1e-7;
+
+/// The standard deviations of the views' parameters before anything is seen: rotations and shifts in radians and focal lengths,
+/// the logarithm of the scale, and positions in baselines. Parameters that are [`FIXED`] stay at their nominal values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// Shifts, but for the one along the baselines that all views share, which no image shows.
+    pub shift: f64,
+    /// Rotations about the optical axis.
+    pub roll: f64,
+    pub scale: f64,
+    /// Positions along the baseline.
+    pub length: f64,
+    /// Rotations about the axes to the right and down, but for the shared one.
+    pub turn: f64,
+    /// Positions across the baseline.
+    pub direction: f64,
+    /// Positions ahead of the plane of the views.
+    pub ahead: f64,
+    /// The turn towards the baselines that all views share.
+    pub shared_turn: f64,
+}
+
+impl Prior {
+    /// The views as they should be.
+    pub const NOMINAL: Prior = Prior {
+        shift: FIXED,
+        roll: FIXED,
+        scale: FIXED,
+        length: FIXED,
+        turn: FIXED,
+        direction: FIXED,
+        ahead: FIXED,
+        shared_turn: FIXED,
+    };
+    /// Views that a stage has moved without turning the camera on purpose, by an unknown angle to its axes.
+    const OF_STAGE: Prior =
+        Prior { roll: 2e-4, scale: 1e-6, length: 0.2, turn: 2e-4, direction: 0.2, ahead: 0.2, ..Prior::NOMINAL };
+
+    /// The inverse of the covariance of a view's parameters.
+    fn information(&self, view: View) -> SMatrix<f64, LEN, LEN> {
+        let deviations =
+            [self.turn, self.turn, self.roll, self.scale, self.shift, self.shift, self.length, self.length, self.ahead];
+        let mut information = SMatrix::from_diagonal(&SVector::from(deviations.map(|deviation| deviation.powi(-2))));
+        let [x, y] = Direction::of(view).across;
+        let across = Vector2::new(x, y);
+        let more = self.direction.powi(-2) - self.length.powi(-2);
+        let mut block = information.fixed_view_mut::<2, 2>(POSITION, POSITION);
+        block += across * across.transpose() * more;
+        information
+    }
+
+    /// What all views share: the weights of each view's parameters in it, and its standard deviation.
+    fn shared(&self, views: &[View]) -> [(DVector<f64>, f64); 3] {
+        let squares: f64 = views.iter().map(|&view| nominal(view).position.norm_squared()).sum();
+        [
+            (shared_turn(views), self.shared_turn),
+            (weights(views, SHIFT, |place| place / (place.norm_squared() * views.len() as f64)), FIXED),
+            // Longer baselines and smaller disparities explain the matches just as well, so this holds them.
+            (weights(views, POSITION, |place| place / squares), LENGTH_DEVIATION),
+        ]
+    }
+}
+
+/// The weights of all views' parameters in the turn towards the baselines that they share.
+pub fn shared_turn(views: &[View]) -> DVector<f64> {
+    weights(views, ROTATION, |place| Vector2::new(-place.y, place.x) / (place.norm_squared() * views.len() as f64))
+}
+
+/// The weights of all parameters, by those of two parameters of each view from the one `at` on, given its nominal place.
+fn weights(views: &[View], at: usize, of_view: impl Fn(Vector2<f64>) -> Vector2<f64>) -> DVector<f64> {
+    let mut weights = DVector::zeros(views.len() * LEN);
+    for (k, &view) in views.iter().enumerate() {
+        weights.fixed_rows_mut::<2>(k * LEN + at).copy_from(&of_view(nominal(view).position.xy()));
+    }
+    weights
+}
 
 /// A corner of the centre and where the views show it, all in focal lengths from the optical axis.
 #[derive(Clone, Debug)]
@@ -62,7 +125,7 @@ pub struct Point {
 
 impl Point {
     /// The point without the distortion of a lens, by the division model (Fitzgibbon, 2001).
-    fn undistorted(&self, distortion: f64) -> Point {
+    pub fn undistorted(&self, distortion: f64) -> Point {
         let undistorted = |[x, y]: [f64; 2]| [x, y].map(|at| at / (1.0 + distortion * (x * x + y * y)));
         let seen = self.seen.iter().map(|seen| seen.map(undistorted)).collect();
         Point { ray: undistorted(self.ray), seen, ..*self }
@@ -73,94 +136,30 @@ impl Point {
 #[derive(Clone, Debug)]
 pub struct Adjustment {
     pub models: Vec<ViewModel>,
-    /// The standard deviations of their parameters.
-    pub deviations: Vec<[f64; LEN]>,
-    /// The covariance of the parameters of all views, one view after the other.
-    pub covariance: DMatrix<f64>,
     /// The disparity of each point, in focal lengths.
     pub disparities: Vec<f64>,
     /// The scale of the residuals, in focal lengths.
     pub noise: f64,
-    /// The matches ask for a turn of all views towards their baselines, and still more for a lens that distorts.
-    pub looks_distorted: bool,
-    cost: f64,
+    /// What matches and priors lack, with the noise of the solution from which this one started.
+    pub cost: f64,
 }
 
-/// Adjusts the models of `views`.
-///
-/// If all views are turned towards their baselines alike, all disparities change by the same amount, and nothing else does but
-/// the perspective at the borders, which a lens distorts alike. Such a turn is believed if the views are turned towards their
-/// baselines by different angles as well, or if it explains the matches far better than none and better than a lens.
-///
-/// A pixel has `pixel` focal lengths.
-pub fn adjust(views: &[View], points: &[Point], pixel: f64) -> Option<Adjustment> {
-    let fixed = Solver { views, points, pixel, prior: PRIOR, offset_deviation: FIXED }.solve(None)?;
-    let free = Solver { views, points, pixel, prior: PRIOR, offset_deviation: PRIOR[0] }.solve(Some(&fixed))?;
-    // Views that are turned towards their baselines by different angles probably share a part of them.
-    if shared_turn(views, &free.models).abs() <= LIKELY * spread_of_turns(views, &free.models) {
-        return Some(free);
-    }
-    let gain = free.cost / fixed.cost;
-    let is_distorted = gain < NOTICEABLE_GAIN
-        && DISTORTIONS.par_iter().any(|&distortion| {
-            let points: Vec<Point> = points.iter().map(|point| point.undistorted(distortion)).collect();
-            let undistorted = Solver { views, points: &points, pixel, prior: PRIOR, offset_deviation: FIXED };
-            undistorted.solve(Some(&fixed)).is_some_and(|undistorted| undistorted.cost < free.cost)
-        });
-    Some(if gain < CLEAR_GAIN && !is_distorted { free } else { Adjustment { looks_distorted: is_distorted, ..fixed } })
+/// Adjusts the models of views that a stage has moved without turning the camera, and gives the covariance of their parameters.
+pub fn adjust_moved(views: &[View], points: &[Point], pixel: f64) -> Option<(Adjustment, DMatrix<f64>)> {
+    let solver = Solver { views, points, pixel, prior: Prior::OF_STAGE };
+    let adjustment = solver.solve(None)?;
+    let covariance = solver.covariance(&adjustment)?;
+    Some((adjustment, covariance))
 }
 
-/// The standard deviation of the angles by which views are turned towards their baselines, in radians; 0 of a single view.
-fn spread_of_turns(views: &[View], models: &[ViewModel]) -> f64 {
-    let (shared, count) = (shared_turn(views, models), views.len() as f64);
-    let squares: f64 = shares_of_turn(views, models).map(|share| (count * share - shared).powi(2)).sum();
-    (squares / f64::max(count - 1.0, 1.0)).sqrt()
-}
-
-/// The coefficients of a view's rotation in the turn towards the baselines that all views share.
-fn shared_weights(views: &[View], view: View) -> [f64; 2] {
-    let [x, y] = [view.right(), view.down()].map(f64::from);
-    let scale = (x * x + y * y) * views.len() as f64;
-    [-y / scale, x / scale]
-}
-
-/// The coefficients of a view's position in the mean length of the baselines.
-fn length_weights(views: &[View], view: View) -> Vector3<f64> {
-    let total: f64 = views.iter().map(|&view| nominal(view).position.norm_squared()).sum();
-    nominal(view).position / total
-}
-
-/// The mean length of the baselines, in nominal ones.
-fn mean_length(views: &[View], models: &[ViewModel]) -> f64 {
-    models.iter().zip(views).map(|(model, &view)| length_weights(views, view).dot(&model.position)).sum()
-}
-
-/// The turn towards the baselines that all views share, in radians.
-fn shared_turn(views: &[View], models: &[ViewModel]) -> f64 {
-    shares_of_turn(views, models).sum()
-}
-
-/// The contribution of each view to the turn that all share.
-fn shares_of_turn(views: &[View], models: &[ViewModel]) -> impl Iterator<Item = f64> {
-    models.iter().zip(views).map(|(model, &view)| {
-        let [x, y] = shared_weights(views, view);
-        x * model.rotation.x + y * model.rotation.y
-    })
-}
-
-/// Adjusts the models of views that a stage has moved without turning the camera.
-pub fn adjust_moved(views: &[View], points: &[Point], pixel: f64) -> Option<Adjustment> {
-    Solver { views, points, pixel, prior: PRIOR_OF_STAGE, offset_deviation: FIXED }.solve(None)
-}
-
-struct Solver<'a> {
-    views: &'a [View],
-    points: &'a [Point],
-    pixel: f64,
-    /// The standard deviations of a view's parameters before anything is seen.
-    prior: [f64; LEN],
-    /// The standard deviation of the turn towards the baselines that all views share, in radians.
-    offset_deviation: f64,
+/// The models of views as their matches and a prior make them likely.
+#[derive(Clone, Copy)]
+pub struct Solver<'a> {
+    pub views: &'a [View],
+    pub points: &'a [Point],
+    /// The focal lengths of a pixel.
+    pub pixel: f64,
+    pub prior: Prior,
 }
 
 /// Normal equations from which the disparities have been eliminated (Schur complement).
@@ -178,20 +177,9 @@ struct Row {
     weight: f64,
 }
 
-impl Adjustment {
-    /// The standard deviation of a linear combination of the views' positions, given the weights of each view.
-    pub fn position_deviation(&self, weights: impl Iterator<Item = [f64; 2]>) -> f64 {
-        let mut gradient = DVector::zeros(self.covariance.nrows());
-        for (k, [right, down]) in weights.enumerate() {
-            gradient[k * LEN + 4] = right;
-            gradient[k * LEN + 5] = down;
-        }
-        (&self.covariance * &gradient).dot(&gradient).sqrt()
-    }
-}
-
 impl Solver<'_> {
-    fn solve(&self, start: Option<&Adjustment>) -> Option<Adjustment> {
+    /// The most likely models, from a start or from the nominal ones. `None` if nothing determines them.
+    pub fn solve(&self, start: Option<&Adjustment>) -> Option<Adjustment> {
         let mut models: Vec<ViewModel> = match start {
             Some(start) => start.models.clone(),
             None => self.views.iter().map(|&view| nominal(view)).collect(),
@@ -240,21 +228,10 @@ impl Solver<'_> {
                 break;
             }
         }
-        let rows = self.rows(&models, &disparities, noise);
-        let covariance = self.reduced(&rows, &models, 0.0).matrix.cholesky()?.inverse();
-        let deviations = (0..models.len()).map(|k| std::array::from_fn(|i| covariance[(k * LEN + i, k * LEN + i)].sqrt()));
         // What the two solutions are compared by has the same scale of noise in both.
         let noise_of_both = start.map_or(noise, |start| start.noise);
         let cost = self.cost(&models, &disparities, noise_of_both);
-        Some(Adjustment {
-            deviations: deviations.collect(),
-            covariance,
-            models,
-            disparities,
-            noise,
-            looks_distorted: false,
-            cost,
-        })
+        Some(Adjustment { models, disparities, noise, cost })
     }
 
     /// The mean of a point's disparities in all views at their nominal positions.
@@ -299,14 +276,23 @@ impl Solver<'_> {
             let square = (x * x + y * y) / (noise * noise);
             CAUCHY * CAUCHY * (square / (CAUCHY * CAUCHY)).ln_1p()
         };
-        let prior = models.iter().zip(self.views).map(|(model, &view)| {
-            let off = model.to_array().into_iter().zip(nominal(view).to_array()).zip(self.prior);
-            off.map(|((value, expected), deviation)| ((value - expected) / deviation).powi(2)).sum::<f64>()
+        let off = self.off(models);
+        let prior = self.views.iter().enumerate().map(|(k, &view)| {
+            let off = off.fixed_rows::<LEN>(k * LEN);
+            off.dot(&(self.prior.information(view) * off))
         });
-        let offset = shared_turn(self.views, models) / self.offset_deviation;
-        let length = (mean_length(self.views, models) - 1.0) / LENGTH_DEVIATION;
-        let shared = offset * offset + length * length;
-        self.residuals(models, disparities).into_iter().map(of_match).sum::<f64>() + prior.sum::<f64>() + shared
+        let shared =
+            self.prior.shared(self.views).into_iter().map(|(weights, deviation)| (weights.dot(&off) / deviation).powi(2));
+        self.residuals(models, disparities).into_iter().map(of_match).sum::<f64>() + prior.sum::<f64>() + shared.sum::<f64>()
+    }
+
+    /// How far the parameters of all views are from their nominal values.
+    pub fn off(&self, models: &[ViewModel]) -> DVector<f64> {
+        let off = models.iter().zip(self.views).flat_map(|(model, &view)| {
+            let [model, nominal] = [*model, nominal(view)].map(|model| SVector::from(model.to_array()));
+            (model - nominal).data.0[0]
+        });
+        DVector::from_iterator(models.len() * LEN, off)
     }
 
     /// The equations of all points.
@@ -332,33 +318,26 @@ impl Solver<'_> {
         self.points.par_iter().zip(disparities).map(of_point).collect()
     }
 
-    fn reduced(&self, points: &[Vec<Row>], models: &[ViewModel], damping: f64) -> Reduced {
-        let len = models.len() * LEN;
-        let (mut matrix, mut right) = (DMatrix::zeros(len, len), DVector::zeros(len));
-        for (k, (model, &view)) in models.iter().zip(self.views).enumerate() {
-            let off = model.to_array().into_iter().zip(nominal(view).to_array()).zip(self.prior);
-            for (i, ((value, expected), deviation)) in off.enumerate() {
-                matrix[(k * LEN + i, k * LEN + i)] += deviation.powi(-2);
-                right[k * LEN + i] -= (value - expected) * deviation.powi(-2);
-            }
-        }
-        let (mut turn, mut length) = (DVector::zeros(len), DVector::zeros(len));
+    /// The information of the priors, before any match.
+    fn prior_information(&self) -> DMatrix<f64> {
+        let len = self.views.len() * LEN;
+        let mut matrix = DMatrix::zeros(len, len);
         for (k, &view) in self.views.iter().enumerate() {
-            let [x, y] = shared_weights(self.views, view);
-            (turn[k * LEN], turn[k * LEN + 1]) = (x, y);
-            length.fixed_rows_mut::<3>((k + 1) * LEN - 3).copy_from(&length_weights(self.views, view));
+            matrix.fixed_view_mut::<LEN, LEN>(k * LEN, k * LEN).copy_from(&self.prior.information(view));
         }
-        for (weights, off, deviation) in [
-            (turn, shared_turn(self.views, models), self.offset_deviation),
-            (length, mean_length(self.views, models) - 1.0, LENGTH_DEVIATION),
-        ] {
-            let information = deviation.powi(-2);
-            matrix += &weights * weights.transpose() * information;
-            right -= weights * (off * information);
+        for (weights, deviation) in self.prior.shared(self.views) {
+            matrix += &weights * weights.transpose() * deviation.powi(-2);
         }
+        matrix
+    }
+
+    fn reduced(&self, points: &[Vec<Row>], models: &[ViewModel], damping: f64) -> Reduced {
+        let off = self.off(models);
+        let mut matrix = self.prior_information();
+        let mut right = -&matrix * off;
         for rows in points {
-            let own: f64 = rows.iter().map(|row| row.weight * row.by_disparity.norm_squared()).sum::<f64>() * (1.0 + damping);
-            let own_right: f64 = rows.iter().map(|row| row.weight * row.by_disparity.dot(&row.residual)).sum();
+            let [own, own_right] = of_disparity(rows);
+            let own = own * (1.0 + damping);
             for row in rows {
                 let mut block = matrix.fixed_view_mut::<LEN, LEN>(row.view * LEN, row.view * LEN);
                 block += row.by_model.transpose() * row.by_model * row.weight;
@@ -368,18 +347,104 @@ impl Solver<'_> {
             if own == 0.0 {
                 continue;
             }
-            let coupling = |row: &Row| row.by_model.transpose() * row.by_disparity * row.weight;
             for a in rows {
-                let of_a = coupling(a);
+                let of_a = a.coupling();
                 let mut part = right.fixed_rows_mut::<LEN>(a.view * LEN);
                 part -= of_a * (own_right / own);
                 for b in rows {
                     let mut block = matrix.fixed_view_mut::<LEN, LEN>(a.view * LEN, b.view * LEN);
-                    block -= of_a * coupling(b).transpose() / own;
+                    block -= of_a * b.coupling().transpose() / own;
                 }
             }
         }
         Reduced { matrix, right }
+    }
+}
+
+impl Row {
+    /// How the view's parameters and the point's disparity are tied.
+    fn coupling(&self) -> SVector<f64, LEN> {
+        self.by_model.transpose() * self.by_disparity * self.weight
+    }
+}
+
+/// The information about a point's disparity, and the gradient by it.
+fn of_disparity(rows: &[Row]) -> [f64; 2] {
+    let own = |row: &Row| row.weight * row.by_disparity.norm_squared();
+    let right = |row: &Row| row.weight * row.by_disparity.dot(&row.residual);
+    [rows.iter().map(own).sum(), rows.iter().map(right).sum()]
+}
+
+/// The number of blocks of the image across and down whose errors are taken for independent.
+const BLOCKS: [usize; 2] = [4, 4];
+
+impl Solver<'_> {
+    /// The covariance of the parameters of all views, one view after the other, whatever the distribution of the errors, which
+    /// may be alike within a block of the image (the sandwich estimate of White and of Liang and Zeger).
+    ///
+    /// ```text
+    /// bread = the matrix of the normal equations, with the second derivatives of the cost of the matches
+    /// meat  = over the blocks, the sum of the products of their gradients, and the information of the priors
+    /// covariance = bread^-1 meat bread^-1
+    /// ```
+    pub fn covariance(&self, adjustment: &Adjustment) -> Option<DMatrix<f64>> {
+        let Adjustment { models, disparities, noise, .. } = adjustment;
+        let rows = self.rows(models, disparities, *noise);
+        let prior = self.prior_information();
+        // The second derivative of the cost of a match is less than its weight, which is the first over the residual.
+        let (mut weights, mut curvatures) = (0.0, 0.0);
+        for row in rows.iter().flatten() {
+            let weight = row.weight * noise * noise;
+            weights += weight;
+            curvatures += weight - weight * weight * row.residual.norm_squared() / (CAUCHY * noise).powi(2);
+        }
+        let bread = (self.reduced(&rows, models, 0.0).matrix - &prior) * (curvatures / weights) + &prior;
+        let mut gradients = vec![None; BLOCKS[0] * BLOCKS[1]];
+        let block = self.block();
+        for (point, rows) in self.points.iter().zip(&rows) {
+            let [own, own_right] = of_disparity(rows);
+            let gradient: &mut DVector<f64> = gradients[block(point)].get_or_insert_with(|| DVector::zeros(prior.nrows()));
+            for row in rows {
+                let mut part = gradient.fixed_rows_mut::<LEN>(row.view * LEN);
+                part += row.by_model.transpose() * row.residual * row.weight - row.coupling() * (own_right / own.max(1e-9));
+            }
+        }
+        let count = gradients.iter().flatten().count() as f64;
+        // The more parameters are fitted, the smaller the sums over blocks.
+        let freedom = f64::max(count - LEN as f64, 1.0);
+        let meat = gradients
+            .iter()
+            .flatten()
+            .fold(prior.clone(), |sum, gradient| sum + gradient * gradient.transpose() * (count / freedom));
+        let inverse = bread.cholesky()?.inverse();
+        Some(&inverse * meat * &inverse)
+    }
+
+    /// The block of the image in which a point lies.
+    fn block(&self) -> impl Fn(&Point) -> usize {
+        let ends = [0, 1].map(|axis| {
+            let along = self.points.iter().map(move |point| point.ray[axis]);
+            [along.clone().fold(f64::INFINITY, f64::min), along.fold(f64::NEG_INFINITY, f64::max)]
+        });
+        move |point| {
+            let [column, row] = [0, 1].map(|axis| {
+                let [first, last] = ends[axis];
+                let share = (point.ray[axis] - first) / (last - first).max(f64::MIN_POSITIVE);
+                ((share * BLOCKS[axis] as f64) as usize).min(BLOCKS[axis] - 1)
+            });
+            row * BLOCKS[0] + column
+        }
+    }
+
+    /// Where the models let the views show each point, in focal lengths: in the order of the matches.
+    pub fn expected(&self, adjustment: &Adjustment) -> Vec<[f64; 2]> {
+        let projections: Vec<Projection> = adjustment.models.iter().map(ViewModel::projection).collect();
+        let of_point = |(point, &d): (&Point, &f64)| {
+            let ray = Vector3::new(point.ray[0], point.ray[1], 1.0);
+            let seen = point.seen.iter().zip(&projections);
+            seen.filter_map(|(seen, model)| seen.map(|_| model.project(ray, d))).collect::<Vec<_>>()
+        };
+        self.points.iter().zip(&adjustment.disparities).flat_map(of_point).collect()
     }
 }
 
@@ -415,47 +480,7 @@ fn disparity_step(rows: &[Row], step: &DVector<f64>, damping: f64) -> f64 {
 }
 
 /// A view where it should be.
-fn nominal(view: View) -> ViewModel {
+pub fn nominal(view: View) -> ViewModel {
     let position = Vector3::new(view.right().into(), view.down().into(), 0.0);
-    ViewModel { rotation: Vector3::zeros(), log_scale: 0.0, position }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Points at all depths, seen by views that are turned by up to a degree, scaled by up to a percent and off their places by
-    /// up to two percent of the baseline.
-    #[test]
-    fn models_are_found_from_exact_matches() {
-        let mut random = fastrand::Rng::with_seed(3);
-        let mut within = |most: f64| most * (2.0 * random.f64() - 1.0);
-        let views = View::CROSS;
-        let models: Vec<ViewModel> = views
-            .iter()
-            .map(|&view| {
-                let [turn, off] = [0.017, 0.02].map(|most| Vector3::from_fn(|_, _| within(most)));
-                ViewModel { rotation: turn, log_scale: within(0.01), position: nominal(view).position + off }
-            })
-            .collect();
-        let points: Vec<Point> = (0..120)
-            .map(|corner| {
-                let (ray, disparity) = ([within(0.4), within(0.3)], 0.03 + within(0.02));
-                let seen = |model: &ViewModel| model.projection().project(Vector3::new(ray[0], ray[1], 1.0), disparity);
-                Point { corner, ray, seen: models.iter().map(|model| Some(seen(model))).collect() }
-            })
-            .collect();
-        let found = adjust(&views, &points, 1e-3).unwrap();
-        for (found, model) in found.models.iter().zip(&models) {
-            let [turn, scale] = [(found.rotation - model.rotation).norm(), (found.log_scale - model.log_scale).abs()];
-            // A thirtieth of a pixel of a thousandth.
-            assert!(turn < 3e-5 && scale < 3e-5, "{found:?} instead of {model:?}");
-        }
-        // All lengths are known up to a factor: their mean is that of the nominal positions.
-        let factor = found.models[0].position.norm() / models[0].position.norm();
-        for (found, model) in found.models.iter().zip(&models) {
-            let off = (found.position / factor - model.position).norm();
-            assert!(off < 1e-3 && (factor - 1.0).abs() < 0.02, "{found:?} instead of {model:?}");
-        }
-    }
+    ViewModel { position, ..ViewModel::NEUTRAL }
 }

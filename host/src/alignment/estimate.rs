@@ -2,23 +2,24 @@
 //!
 //! ```text
 //! matches = the corners of the centre found in each view, of which those are kept that agree
-//! rough   = bundle adjustment of the matches
+//! rough   = bundle adjustment of the matches, by what they prove
 //! matches = the corners found again in each view as rectified by its rough model, which is more precise
-//! model   = bundle adjustment of these
+//! model   = bundle adjustment of these, by what they prove
 //! common  = the rotation that puts all positions on the image's rows and columns, as far as the nearest point shows it
 //! homography of the centre = the common rotation
-//! homography of a view     = its own rotation and scale besides, and the image of the plane through the scene as its wrong
+//! homography of a view     = its own rotation, scale and shift besides, and the image of the plane through the scene as its wrong
 //!                            position shows it, since the depth of other points cannot be taken out of one image
 //! ```
 
 use std::{collections::BTreeMap, f64::consts::SQRT_2};
 
 use multiscopic_core::{Frame, SearchSpace, View, Views};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
 
 use super::{
-    adjustment::{Adjustment, Point, adjust},
+    adjustment::{LEN, POSITION, Point, ROTATION, SCALE, SHIFT},
     inspection::{Inspection, suspicion},
+    selection::{Group, Selection},
     tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
     view_geometry::{Direction, EpipolarError, Map, Pinhole, ViewModel, common_rotation, common_rotation_with_deviation},
 };
@@ -42,8 +43,16 @@ const MIN_TURN_AWAY: f64 = 0.005;
 /// The least effect of the rotation between camera and stage that is corrected, in pixels: small ones are not told from
 /// errors of the lens.
 const MIN_EFFECT_PX: f64 = 0.25;
+/// The largest angle between a view's place and where its name says, in degrees: mounts are straighter.
+const MAX_ANGLE_DEG: f64 = 15.0;
+/// The standard deviation of the camera's roll against the stage from which on the images do not show it, in degrees.
+const MAX_ROLL_DEVIATION_DEG: f64 = 0.5;
+/// The least and the most length of a baseline, beside the nominal one.
+const LENGTHS: [f64; 2] = [0.5, 2.0];
 
 /// The misalignment of each view of a capture, and the rectification of all of them.
+///
+/// It is what the images prove: what they show no better than noise is left as it is, so views that are rectified stay so.
 ///
 /// ```no_run
 /// use multiscopic::{Alignment, Frames, Rig};
@@ -66,6 +75,8 @@ pub struct Alignment {
     common_deviation_deg: [f64; 3],
     source: Pinhole,
     target: Pinhole,
+    size: [usize; 2],
+    proven: Vec<Group>,
     looks_distorted: bool,
 }
 
@@ -91,7 +102,7 @@ impl Alignment {
     ///
     /// # Errors
     /// [`Error::Alignment`](crate::Error::Alignment) if a view has too few corners in common with the centre, or seems to be
-    /// another one.
+    /// another one, or stands far from where its name says.
     pub fn estimate(frames: &Frames, search: &SearchSpace, geometry: Option<&Geometry>) -> Result<Alignment> {
         let size = frames.size();
         let source = geometry.map_or_else(
@@ -121,7 +132,7 @@ impl Alignment {
         }
         let pixel = 1.0 / source.focal_px;
         let rough_points = points(&source, &corners, &matches);
-        let rough = adjust(&views, &rough_points, pixel).ok_or(AlignmentError::Undetermined)?;
+        let rough = Selection::of(&views, &rough_points, pixel).ok_or(AlignmentError::Undetermined)?.adjustment;
         // Turned and scaled like the centre, views show corners more precisely.
         for (k, (&view, found)) in views.iter().zip(&mut matches).enumerate() {
             let model = rough.models[k];
@@ -136,10 +147,12 @@ impl Alignment {
             *found = find_again([center.0, neighbor], &corners, view, &expected, |pixel| map.at(pixel));
         }
         let points = points(&source, &corners, &matches);
-        let adjustment = adjust(&views, &points, pixel).ok_or(AlignmentError::Undetermined)?;
+        let selection = Selection::of(&views, &points, pixel).ok_or(AlignmentError::Undetermined)?;
+        let adjustment = &selection.adjustment;
         let nominal = |view: View| Vector3::new(view.right().into(), view.down().into(), 0.0);
         let positions: Vec<_> =
             adjustment.models.iter().zip(&views).map(|(model, &view)| (model.position, nominal(view))).collect();
+        positions.iter().zip(&views).try_for_each(|(&(position, nominal), &view)| check_place(view, position, nominal))?;
         let common = significant_rotation(&positions, &source, size, search.max_disparity());
         // The rectified frames show the same part of the scene: what the centre shows in its middle stays there.
         let middle = size.map(|side| (side as f64 - 1.0) / 2.0);
@@ -147,14 +160,21 @@ impl Alignment {
         let principal_point = [0, 1].map(|axis| middle[axis] - source.focal_px * turned[axis] / turned.z);
         let target = Pinhole { principal_point, ..source };
         let nominals: Vec<Vector3<f64>> = positions.iter().map(|(_, nominal)| *nominal).collect();
+        let of_common = |models: &[ViewModel]| common_rotation_with_deviation(models, &selection.covariance, &nominals);
+        let ([likely, found], deviations) = {
+            let (found, deviations) = of_common(&adjustment.models);
+            ([of_common(&selection.likely).0, found], deviations)
+        };
         let mut alignment = Alignment {
             views: BTreeMap::new(),
             errors: BTreeMap::new(),
             common,
-            common_deviation_deg: common_rotation_with_deviation(&adjustment.models, &adjustment.deviations, &nominals).1,
+            common_deviation_deg: [0, 1, 2].map(|axis| deviations[axis].hypot(likely[axis] - found[axis])),
             source,
             target,
-            looks_distorted: adjustment.looks_distorted,
+            size,
+            proven: selection.proven.clone(),
+            looks_distorted: selection.looks_distorted,
         };
         let lengths: Vec<f64> = positions.iter().map(|(position, nominal)| position.norm() / nominal.norm()).collect();
         let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
@@ -169,9 +189,11 @@ impl Alignment {
             let residual = Residual {
                 baseline_scale: lengths[k] / mean,
                 baseline_px: (lengths[k] / mean - 1.0) * f64::from(search.max_disparity()),
-                ..alignment.residual(&views, k, &adjustment, &errors, &matches[k])
+                ..alignment.residual(&views, k, &selection, &errors, &matches[k])
             };
             alignment.views.insert(view, (residual, matrix));
+            let border_px = alignment.border_px(Frame::View(view));
+            alignment.views.entry(view).and_modify(|(residual, _)| residual.border_px = border_px);
             alignment.errors.insert(view, errors);
         }
         Ok(alignment)
@@ -184,7 +206,9 @@ impl Alignment {
         let is_turned_away = |view: &View| {
             let [x, y] = [view.right(), view.down()].map(f64::from);
             let turn = |[right, down, _]: [f64; 3]| (x * down - y * right).to_radians() / x.hypot(y);
-            self.of(*view).is_some_and(|residual| self.source.focal_px * turn(residual.rotation_deg) >= least)
+            let shift = |[right, down]: [f64; 2]| (x * right + y * down) / x.hypot(y);
+            let away = |of: Residual| self.source.focal_px * turn(of.rotation_deg) + shift(of.shift_px);
+            self.of(*view).is_some_and(|residual| away(residual) >= least)
         };
         let inspection = Inspection::of(rectified);
         if before.swapped.iter().all(is_turned_away) {
@@ -219,22 +243,24 @@ impl Alignment {
         &self,
         views: &[View],
         k: usize,
-        adjustment: &Adjustment,
+        selection: &Selection,
         errors: &[EpipolarError],
         matches: &[Option<Match>],
     ) -> Residual {
-        let model = adjustment.models[k];
+        let model = selection.adjustment.models[k];
         let position = self.common * model.position;
         let [x, y] = [views[k].right(), views[k].down()].map(f64::from);
-        let deviations = adjustment.deviations[k];
-        let [_, _, _, log_scale_deviation, _, _, ahead_deviation] = deviations;
+        let deviations = selection.deviations(k);
         // What all baselines share is known less well than how each differs from it.
         let deviation = |weight: &dyn Fn(f64, f64) -> [f64; 2], share: &dyn Fn(f64) -> f64| {
-            adjustment.position_deviation(views.iter().enumerate().map(|(n, view)| {
+            let mut weights = DVector::zeros(views.len() * LEN);
+            for (n, view) in views.iter().enumerate() {
                 let [x, y] = [view.right(), view.down()].map(f64::from);
                 let own = if n == k { 1.0 } else { 0.0 };
-                weight(x, y).map(|weight| weight / (x * x + y * y) * (own - share(x * x + y * y)))
-            }))
+                let of_view = weight(x, y).map(|weight| weight / (x * x + y * y) * (own - share(x * x + y * y)));
+                weights.rows_mut(n * LEN + POSITION, 2).copy_from_slice(&of_view);
+            }
+            selection.deviation(&weights)
         };
         let squares: f64 = views.iter().map(|view| f64::from(view.right()).powi(2) + f64::from(view.down()).powi(2)).sum();
         let is_turned = self.common.angle() > 0.0;
@@ -243,9 +269,12 @@ impl Alignment {
         Residual {
             across_px: SQRT_2 * median_of(|error| error.before_px),
             rotation_deg: [0, 1, 2].map(|axis| model.rotation[axis].to_degrees()),
-            rotation_deviation_deg: [0, 1, 2].map(|axis| deviations[axis].to_degrees()),
+            rotation_deviation_deg: [0, 1, 2].map(|axis| deviations[ROTATION + axis].to_degrees()),
             scale,
-            scale_deviation: scale * log_scale_deviation,
+            scale_deviation: scale * deviations[SCALE],
+            shift_px: [0, 1].map(|axis| self.source.focal_px * model.shift[axis]),
+            shift_deviation_px: [0, 1].map(|axis| self.source.focal_px * deviations[SHIFT + axis]),
+            border_px: 0.0,
             baseline_scale: 1.0,
             baseline_scale_deviation: deviation(&|x, y| [x, y], &|_| 1.0 / views.len() as f64),
             baseline_px: 0.0,
@@ -253,12 +282,43 @@ impl Alignment {
             direction_deviation_deg: deviation(&|x, y| [-y, x], &|square| if is_turned { square / squares } else { 0.0 })
                 .to_degrees(),
             ahead: position.z,
-            ahead_deviation,
+            ahead_deviation: deviations[POSITION + 2],
             gain: median(matches.iter().flatten().map(|found| found.gain).collect()),
             points: errors.len(),
             sampson_px: median_of(|error| error.before_px.abs()),
             rectified_sampson_px: median_of(|error| error.after_px.abs()),
         }
+    }
+
+    /// The largest distance by which the rectification moves a corner of a frame, in pixels; 0 if the frame is left as it is.
+    pub fn border_px(&self, frame: Frame) -> f64 {
+        self.map(frame).filter(|map| !map.is_negligible(self.size)).map_or(0.0, |map| map.border_px(self.size))
+    }
+
+    /// A sentence about what the rectification takes out.
+    pub fn summary(&self) -> String {
+        let frames = std::iter::once(Frame::Center).chain(self.views.keys().copied().map(Frame::View));
+        let moved = |frame| Some(self.border_px(frame)).filter(|px| *px > 0.0).map(|px| format!("{frame} {px:.1}"));
+        let moved: Vec<String> = frames.filter_map(moved).collect();
+        if moved.is_empty() {
+            return "the images show no misalignment".into();
+        }
+        let names: Vec<&str> = self.proven.iter().map(|group| group.name()).collect();
+        format!("alignment moves the corners of frames by up to ({}) px, and takes out: {}", moved.join(", "), names.join(", "))
+    }
+
+    /// A sentence about what the images do not show, and is left as it is; `None` if they show all.
+    pub fn not_shown(&self) -> Option<String> {
+        let mut not_shown = Vec::new();
+        if !self.proven.contains(&Group::SharedTurn) {
+            not_shown
+                .push("a shift or turn of all views towards their baselines, which changes all disparities alike".to_owned());
+        }
+        let [.., roll] = self.common_deviation_deg;
+        if !(roll < MAX_ROLL_DEVIATION_DEG) {
+            not_shown.push(format!("the roll of the camera against the stage (+- {roll:.1} deg)"));
+        }
+        (!not_shown.is_empty()).then(|| format!("the images do not show {}", not_shown.join(", nor ")))
     }
 
     /// The views of the capture.
@@ -350,6 +410,16 @@ impl Alignment {
         };
         picture.resampled(place, gain)
     }
+}
+
+/// Refuses a view that stands far from where its name says.
+fn check_place(view: View, position: Vector3<f64>, nominal: Vector3<f64>) -> Result<()> {
+    let angle_deg = position.angle(&nominal).to_degrees();
+    let length = position.norm() / nominal.norm();
+    if angle_deg <= MAX_ANGLE_DEG && (LENGTHS[0]..=LENGTHS[1]).contains(&length) {
+        return Ok(());
+    }
+    Err(AlignmentError::Misplaced { view, angle_deg, length, allowed_deg: MAX_ANGLE_DEG }.into())
 }
 
 /// The rotation from the centre's rays to the axes along which the views stand, as far as it matters to the nearest points.

@@ -5,7 +5,7 @@
 //! searches along the baseline only, and compares grey values, so it suffers from all of these.
 //!
 //! Corners of the centre are found in each view, those that disagree with the others are dropped, and a bundle adjustment
-//! gives each view a rotation, a scale and a position, and each corner a disparity. The camera turns with the stage's axes
+//! gives each view a rotation, a scale, a shift and a position, as far as the images prove them, and each corner a disparity. The camera turns with the stage's axes
 //! in all views alike: one common rotation makes the positions stand along the image's rows and columns. The frames are then
 //! resampled as if the camera had not been turned at all.
 //!
@@ -14,6 +14,7 @@
 //! | `tracking` | corners of the centre, found in a view by images at descending sizes, and the matches that agree |
 //! | `view_geometry` | the rotation of each view and that of all, the errors of matches: [`EpipolarError`], and homographies |
 //! | `adjustment` | bundle adjustment |
+//! | `selection` | the parameters that the images prove, and how certain they are |
 //! | `mounting` | the rotation of a camera against the stage that moves it: [`Mounting`] |
 //! | `inspection` | the properties of images before they are matched: [`Inspection`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
@@ -22,6 +23,7 @@ mod adjustment;
 mod estimate;
 mod inspection;
 mod mounting;
+mod selection;
 mod tracking;
 mod view_geometry;
 

@@ -86,7 +86,7 @@ impl Mounting {
             matches.push(found);
         }
         let points = points(&source, &corners, &matches);
-        let adjustment = adjust_moved(&views, &points, 1.0 / source.focal_px).ok_or(MountingError::Undetermined)?;
+        let (adjustment, covariance) = adjust_moved(&views, &points, 1.0 / source.focal_px).ok_or(MountingError::Undetermined)?;
         let nominal: Vec<Vector3<f64>> =
             views.iter().map(|view| Vector3::new(view.right().into(), view.down().into(), 0.0)).collect();
         // How long a step is in the adjustment's unit.
@@ -97,7 +97,7 @@ impl Mounting {
         if parallax_px < MIN_PARALLAX_PX {
             return Err(MountingError::SmallParallax { parallax_px, needed_px: MIN_PARALLAX_PX }.into());
         }
-        let (rotation_deg, deviation_deg) = common_rotation_with_deviation(&adjustment.models, &adjustment.deviations, &nominal);
+        let (rotation_deg, deviation_deg) = common_rotation_with_deviation(&adjustment.models, &covariance, &nominal);
         let worst = deviation_deg.into_iter().fold(0.0, f64::max);
         if worst.is_nan() || worst > MAX_DEVIATION_DEG {
             return Err(MountingError::Uncertain { deviation_deg: worst, allowed_deg: MAX_DEVIATION_DEG }.into());

@@ -3,7 +3,7 @@
 //! plane.
 
 use multiscopic_core::View;
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Rotation3, Vector2, Vector3};
 
 /// A shift of the corners below which a frame is left as it is, in pixels: resampling would do more harm.
 const NEGLIGIBLE: f64 = 0.05;
@@ -38,34 +38,45 @@ pub struct ViewModel {
     pub rotation: Vector3<f64>,
     /// The natural logarithm of its scale, relative to the centre.
     pub log_scale: f64,
+    /// The shift of its image to the right and down, in focal lengths: a rotation without its perspective.
+    pub shift: Vector2<f64>,
     /// The place where it was taken, in baselines.
     pub position: Vector3<f64>,
 }
 
 impl ViewModel {
     /// The centre itself.
-    pub const NEUTRAL: ViewModel =
-        ViewModel { rotation: Vector3::new(0.0, 0.0, 0.0), log_scale: 0.0, position: Vector3::new(0.0, 0.0, 0.0) };
+    pub const NEUTRAL: ViewModel = ViewModel {
+        rotation: Vector3::new(0.0, 0.0, 0.0),
+        log_scale: 0.0,
+        shift: Vector2::new(0.0, 0.0),
+        position: Vector3::new(0.0, 0.0, 0.0),
+    };
 
     /// The number of parameters.
-    pub const LEN: usize = 7;
+    pub const LEN: usize = 9;
 
-    /// The parameters in a row: rotation, scale and position.
+    /// The parameters in a row: rotation, scale, shift and position.
     pub fn to_array(self) -> [f64; ViewModel::LEN] {
-        let ViewModel { rotation: r, log_scale, position: p } = self;
-        [r.x, r.y, r.z, log_scale, p.x, p.y, p.z]
+        let ViewModel { rotation: r, log_scale, shift: s, position: p } = self;
+        [r.x, r.y, r.z, log_scale, s.x, s.y, p.x, p.y, p.z]
     }
 
     /// From parameters in a row.
-    pub fn from_array([rx, ry, rz, log_scale, px, py, pz]: [f64; ViewModel::LEN]) -> ViewModel {
-        ViewModel { rotation: Vector3::new(rx, ry, rz), log_scale, position: Vector3::new(px, py, pz) }
+    pub fn from_array([rx, ry, rz, log_scale, sx, sy, px, py, pz]: [f64; ViewModel::LEN]) -> ViewModel {
+        ViewModel {
+            rotation: Vector3::new(rx, ry, rz),
+            log_scale,
+            shift: Vector2::new(sx, sy),
+            position: Vector3::new(px, py, pz),
+        }
     }
 
     /// Returns the projection of rays into the view.
     pub fn projection(&self) -> Projection {
         let scale = self.log_scale.exp();
-        let rotation = Rotation3::new(self.rotation);
-        Projection { matrix: Matrix3::from_diagonal(&Vector3::new(scale, scale, 1.0)) * rotation, position: self.position }
+        let image = Matrix3::new(scale, 0.0, self.shift.x, 0.0, scale, self.shift.y, 0.0, 0.0, 1.0);
+        Projection { matrix: image * Rotation3::new(self.rotation), position: self.position }
     }
 }
 
@@ -155,30 +166,35 @@ pub fn common_rotation(positions: &[(Vector3<f64>, Vector3<f64>)]) -> Rotation3<
 }
 
 /// The rotation vector from the stage's axes to the camera's, and its standard deviations, in degrees, by the models of views and
-/// the standard deviations of their parameters.
+/// the covariance of their parameters.
 ///
 /// The deviations are those of the views' positions, or more if the positions agree worse with any rotation than they say. They
 /// are NaN about axes that the positions do not determine, as that of a single baseline.
 pub fn common_rotation_with_deviation(
     models: &[ViewModel],
-    deviations: &[[f64; ViewModel::LEN]],
+    covariance: &DMatrix<f64>,
     nominal: &[Vector3<f64>],
 ) -> ([f64; 3], [f64; 3]) {
     let positions: Vec<_> = models.iter().map(|model| model.position).zip(nominal.iter().copied()).collect();
     let rotation = common_rotation(&positions);
-    let (mut matrix, mut spread, mut error, mut count) = (Matrix3::zeros(), Matrix3::zeros(), 0.0, 0.0);
-    for ((position, nominal), deviations) in positions.iter().zip(deviations) {
+    let (mut matrix, mut error, mut count) = (Matrix3::zeros(), 0.0, 0.0);
+    // What each view's position, but for the length of its baseline, adds to the rotation.
+    let mut by_positions = DMatrix::zeros(3, 3 * models.len());
+    for (k, (position, nominal)) in positions.iter().enumerate() {
         let turned = rotation * position;
         let by_rotation = -turned.cross_matrix();
-        // A deviation along the move is one of its length.
         let across = Matrix3::identity() - nominal * nominal.transpose() / nominal.norm_squared();
-        let covariance = Matrix3::from_diagonal(&Vector3::new(deviations[4], deviations[5], deviations[6]).map(|d| d * d));
-        let covariance = across * rotation.matrix() * covariance * rotation.matrix().transpose() * across;
+        let to_axes = across * rotation.matrix();
+        let of_position = covariance_of(covariance, k, k);
         matrix += by_rotation.transpose() * by_rotation;
-        spread += by_rotation.transpose() * covariance * by_rotation;
-        let off = across * (nominal - turned);
-        error += off.norm_squared() / (covariance.trace() / 2.0);
+        by_positions.fixed_columns_mut::<3>(3 * k).copy_from(&(by_rotation.transpose() * to_axes));
+        error += (across * (nominal - turned)).norm_squared() / ((to_axes * of_position * to_axes.transpose()).trace() / 2.0);
         count += 2.0;
+    }
+    let mut spread = Matrix3::zeros();
+    for (k, n) in (0..models.len()).flat_map(|k| (0..models.len()).map(move |n| (k, n))) {
+        let [of_k, of_n] = [k, n].map(|view| by_positions.fixed_columns::<3>(3 * view).into_owned());
+        spread += of_k * covariance_of(covariance, k, n) * of_n.transpose();
     }
     let is_determined = |axis: usize| matrix[(axis, axis)] > UNDETERMINED;
     let Some(inverse) = (matrix + Matrix3::identity() * UNDETERMINED).try_inverse() else {
@@ -187,6 +203,11 @@ pub fn common_rotation_with_deviation(
     let covariance = inverse * spread * inverse.transpose() * f64::max(1.0, error / f64::max(1.0, count - 3.0));
     let deviation = |axis: usize| if is_determined(axis) { covariance[(axis, axis)].sqrt().to_degrees() } else { f64::NAN };
     (rotation.scaled_axis().map(f64::to_degrees).into(), [0, 1, 2].map(deviation))
+}
+
+/// The covariance of the positions of two views, in that of all parameters.
+fn covariance_of(covariance: &DMatrix<f64>, k: usize, n: usize) -> Matrix3<f64> {
+    covariance.fixed_view::<3, 3>((k + 1) * ViewModel::LEN - 3, (n + 1) * ViewModel::LEN - 3).into()
 }
 
 /// From pixels of a rectified frame to those of its image.
@@ -207,13 +228,19 @@ impl Map {
         self.source.pixel([seen.x / seen.z, seen.y / seen.z])
     }
 
-    /// Returns true if the image is left as it is.
-    pub fn is_negligible(&self, [width, height]: [usize; 2]) -> bool {
+    /// The largest distance by which a corner of the image moves, in pixels.
+    pub fn border_px(&self, [width, height]: [usize; 2]) -> f64 {
         let [right, bottom] = [width, height].map(|side| side as f64 - 1.0);
-        [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]].into_iter().all(|corner| {
+        let distance = |corner: [f64; 2]| {
             let [u, v] = self.at(corner);
-            (u - corner[0]).hypot(v - corner[1]) < NEGLIGIBLE
-        })
+            (u - corner[0]).hypot(v - corner[1])
+        };
+        [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]].map(distance).into_iter().fold(0.0, f64::max)
+    }
+
+    /// Returns true if the image is left as it is.
+    pub fn is_negligible(&self, size: [usize; 2]) -> bool {
+        self.border_px(size) < NEGLIGIBLE
     }
 
     /// The homography from rectified pixels to those of the image, in rows, with 1 in its corner.

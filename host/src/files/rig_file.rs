@@ -235,6 +235,15 @@ pub struct Residual {
     pub scale: f64,
     /// The deviation of the scale.
     pub scale_deviation: f64,
+    /// The shift of the image to the right and down that its rotation does not explain, in pixels.
+    #[serde(default)]
+    pub shift_px: [f64; 2],
+    /// The deviations of the shift, in pixels.
+    #[serde(default)]
+    pub shift_deviation_px: [f64; 2],
+    /// The largest distance by which rectification moves a corner of the image, in pixels.
+    #[serde(default)]
+    pub border_px: f64,
     /// The length of the baseline relative to the mean of all views; 1 if there is only one view.
     pub baseline_scale: f64,
     /// The deviation of that length.

@@ -3,9 +3,9 @@
 use image::{GrayImage, Luma};
 use multiscopic::{
     Alignment, Frames, Picture, Rig,
-    scene::{PinholeCamera, Scene, render},
+    scene::{PinholeCamera, RandomScene, Scene, render},
 };
-use multiscopic_core::{Frame, Fusion, SearchConfig, View};
+use multiscopic_core::{Frame, Fusion, SearchConfig, View, Views};
 use multiscopic_tests::{
     program::Invocation,
     test_images::{
@@ -50,6 +50,76 @@ fn shifts_brightness_and_baselines_are_found() {
         assert!((found.scale - expected).abs() < 0.005, "{found:?} instead of {expected}");
         assert!(found.across_px.abs() < 0.05 && (found.gain - 1.0).abs() < 0.005, "{found:?}");
     }
+}
+
+/// The homographies of the centre and of each view, and the alignment, in a range of 32 disparities.
+fn homographies(frames: &Frames) -> (Vec<[[f64; 3]; 3]>, Alignment) {
+    let [width, height] = frames.size().map(|side| side as u16);
+    let search =
+        SearchConfig { views: frames.views(), fusion: Fusion::Min, num_disparities: 32, ..SearchConfig::of_size(width, height) };
+    let alignment = Alignment::estimate(frames, &search.checked().unwrap(), None).unwrap();
+    let of_frames = std::iter::once(Frame::Center).chain(frames.views().iter().map(Frame::View));
+    (of_frames.map(|frame| alignment.homography(frame)).collect(), alignment)
+}
+
+/// The frames with each view moved to the right and down by whole pixels.
+fn moved(frames: &Frames, by: impl Fn(View) -> [i64; 2]) -> Frames {
+    let center = Frames::new(frames.get(Frame::Center).unwrap().clone());
+    frames.views().iter().fold(center, |moved, view| {
+        let (image, [right, down]) = (frames.get(Frame::View(view)).unwrap(), by(view));
+        let at = |at: u32, by: i64, side: u32| (i64::from(at) - by).clamp(0, i64::from(side) - 1) as u32;
+        let [width, height] = [image.width(), image.height()];
+        let pixel = |u, v| *image.get_pixel(at(u, right, width), at(v, down, height));
+        moved.with(view, GrayImage::from_fn(width, height, pixel))
+    })
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn only_what_the_images_prove_is_taken_out() {
+    for views in [Views::STEREO, Views::HORIZONTAL] {
+        let frames = RandomScene::new(3, 0, [320, 240]).ideal().render(views).color_frames();
+        for shifts in [[[0, 0]; 2], [[0, -2], [0, 3]], [[2, 0]; 2]] {
+            let by = |view| shifts[usize::from(view == View::RIGHT)];
+            let (found, alignment) = homographies(&moved(&frames, by));
+            // A single neighbour does not show shifts along its baseline.
+            let shown = |[right, down]: [i64; 2]| if views == Views::STEREO { [0, down] } else { [right, down] };
+            let expected = std::iter::once([0, 0]).chain(views.iter().map(|view| shown(by(view))));
+            for (found, [right, down]) in found.into_iter().zip(expected) {
+                // From rectified corners of the image to those of the file.
+                for [u, v] in [[0.0, 0.0], [319.0, 0.0], [0.0, 239.0], [319.0, 239.0]] {
+                    let [x, y, w] = found.map(|row| row[0] * u + row[1] * v + row[2]);
+                    let off = (x / w - u - right as f64).hypot(y / w - v - down as f64);
+                    assert!(off < 0.1, "{views:?} moved by {shifts:?}: off by {off} px: {found:?}");
+                }
+            }
+            assert_eq!(alignment.border_px(Frame::Center), 0.0);
+            assert!(alignment.not_shown().is_some_and(|text| text.contains("all disparities alike")));
+            let is_right = expected_summary(&alignment.summary(), shown(shifts[1]));
+            assert!(is_right, "{shifts:?}: {}", alignment.summary());
+        }
+    }
+}
+
+/// Returns true if a summary tells a shift of the right view, or that there is none.
+fn expected_summary(summary: &str, [right, down]: [i64; 2]) -> bool {
+    match [right, down] {
+        [0, 0] => summary == "the images show no misalignment",
+        _ => summary.ends_with("px, and takes out: shift") && summary.contains("right"),
+    }
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn views_that_stand_elsewhere_are_refused() {
+    // The right view is the one below the centre.
+    let frames =
+        RandomScene::new(3, 0, [320, 240]).ideal().render([View::BOTTOM, View::LEFT].into_iter().collect()).color_frames();
+    let center = Frames::new(frames.get(Frame::Center).unwrap().clone());
+    let wrong = center.with(View::RIGHT, frames.get(Frame::View(View::BOTTOM)).unwrap().clone());
+    let search =
+        SearchConfig { views: wrong.views(), fusion: Fusion::Min, num_disparities: 32, ..SearchConfig::of_size(320, 240) };
+    assert!(Alignment::estimate(&wrong, &search.checked().unwrap(), None).is_err());
 }
 
 /// A pattern of waves, in grey values.

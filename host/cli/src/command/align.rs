@@ -26,7 +26,8 @@ use crate::report::{EpipolarMap, Report};
 ///
 /// Rotations are about the axes to the right, down and ahead. The shift is to the right for views in the centre's column,
 /// and downwards across the baseline for others. What is found is taken out in a new folder with -o, or just before matching
-/// with `multiscopic match --align`. A view that is off its place is put right for a plane through the scene.
+/// with `multiscopic match --align`. Only what the images prove is taken out: the rest stays as it is. A view that is off its
+/// place is put right for a plane through the scene.
 #[derive(Clone, Debug, Args)]
 pub struct Align {
     #[command(flatten)]
@@ -58,6 +59,9 @@ struct Findings {
     common_rotation_deg: [f64; 3],
     /// Its standard deviations; null where the views do not determine the angle.
     common_rotation_deviation_deg: [f64; 3],
+    /// What is taken out, and what the images do not show.
+    summary: String,
+    not_shown: Option<String>,
     center: Rectified,
     views: Vec<Line>,
 }
@@ -116,6 +120,8 @@ impl Align {
         let findings = Findings {
             common_rotation_deg: record.common_rotation_deg,
             common_rotation_deviation_deg: record.common_rotation_deviation_deg,
+            summary: alignment.summary(),
+            not_shown: alignment.not_shown(),
             center: rectified(Frame::Center),
             views: frames.views().iter().filter_map(line).collect(),
         };
@@ -169,18 +175,26 @@ impl Findings {
 
     /// A table for people. Below each line are standard deviations.
     fn table(&self) -> String {
-        let mut table =
-            self.common() + "\nview    rotation deg          scale   across px  baseline  direction deg  brightness  points  ";
+        let mut table = [Some(&self.summary), self.not_shown.as_ref(), Some(&self.common())]
+            .into_iter()
+            .flatten()
+            .cloned()
+            .collect::<Vec<_>>()
+            .join("\n");
+        table += "\nview    rotation deg          scale   shift px      across px  baseline  direction deg  brightness  points  ";
         table += "epipolar (Sampson) px before, after\n";
         for Line { view, residual, .. } in &self.views {
             let Residual { rotation_deg: [x, y, z], scale, across_px, baseline_scale, direction_deg, gain, points, .. } =
                 residual;
             let Residual { sampson_px, rectified_sampson_px, .. } = residual;
-            table += &format!("{view:<8}{x:+.2} {y:+.2} {z:+.2}   {scale:>7.4}{across_px:>+12.2}{baseline_scale:>10.4}");
+            let [right, down] = residual.shift_px;
+            table += &format!("{view:<8}{x:+.2} {y:+.2} {z:+.2}   {scale:>7.4} {right:>+7.2} {down:>+6.2}");
+            table += &format!("{across_px:>+12.2}{baseline_scale:>10.4}");
             table += &format!("{direction_deg:>+15.2}{gain:>12.4}{points:>8}{sampson_px:>23.2}{rectified_sampson_px:>7.2}\n");
             let Residual { rotation_deviation_deg: [x, y, z], scale_deviation, baseline_scale_deviation, .. } = residual;
             let Residual { direction_deviation_deg, .. } = residual;
-            table += &format!("    +-  {x:>5.3} {y:>5.3} {z:>5.3}   {scale_deviation:>7.4}");
+            let [right, down] = residual.shift_deviation_px;
+            table += &format!("    +-  {x:>5.3} {y:>5.3} {z:>5.3}   {scale_deviation:>7.4} {right:>7.2} {down:>6.2}");
             table += &format!("{:>12}{baseline_scale_deviation:>10.4}{direction_deviation_deg:>15.2}\n", "");
         }
         table
@@ -199,9 +213,25 @@ impl Findings {
             let baseline = plus_minus(baseline_scale, baseline_scale_deviation, 4);
             let direction = plus_minus(direction_deg, direction_deviation_deg, 2);
             let scale = plus_minus(scale, scale_deviation, 4);
+            let [right, down] = [0, 1].map(|axis| plus_minus(residual.shift_px[axis], residual.shift_deviation_px[axis], 2));
             let [across, gain] = [format!("{across_px:.2}"), format!("{gain:.4}")];
             let [before, after] = [residual.sampson_px, residual.rectified_sampson_px].map(|px| format!("{px:.2}"));
-            [view.clone(), x, y, z, scale, across, baseline, direction, gain, residual.points.to_string(), before, after]
+            [
+                view.clone(),
+                x,
+                y,
+                z,
+                scale,
+                right,
+                down,
+                across,
+                baseline,
+                direction,
+                gain,
+                residual.points.to_string(),
+                before,
+                after,
+            ]
         };
         let headers = [
             "view",
@@ -209,6 +239,8 @@ impl Findings {
             "about down deg",
             "about ahead deg",
             "scale",
+            "shift right px",
+            "shift down px",
             "across px",
             "baseline",
             "direction deg",
@@ -219,7 +251,8 @@ impl Findings {
         ];
         let page = Report::new("Alignment of views").paragraph(text);
         let page = alignment.views().iter().fold(page, |page, view| page.epipolar_errors(&EpipolarMap { alignment, view, size }));
-        let common = self.common() + ".";
-        page.heading("Estimates").paragraph(&common).table(headers, self.views.iter().map(row)).to_html()
+        let sentences = [Some(self.summary.clone()), self.not_shown.clone(), Some(self.common())];
+        let common = sentences.into_iter().flatten().map(|sentence| sentence + ". ").collect::<String>();
+        page.heading("Estimates").paragraph(common.trim_end()).table(headers, self.views.iter().map(row)).to_html()
     }
 }

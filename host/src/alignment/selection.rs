@@ -31,6 +31,8 @@ const SIGNIFICANT: f64 = 12.0;
 const NOTICEABLE_PX: f64 = 0.1;
 /// The share of matches that it may leave where they are.
 const UNMOVED: f64 = 0.95;
+/// The largest credible turn that the views share, in multiples of the spread of their turns towards their baselines.
+const LIKELY: f64 = 2.0;
 /// The factor by which the matches' error must fall for a lens to be suspected.
 const NOTICEABLE_GAIN: f64 = 0.95;
 /// Distortions that may explain the matches instead: the displacement at a focal length from the optical axis, in focal
@@ -171,6 +173,15 @@ impl Selection {
                 (proven, adjustment) = (without, candidate);
             }
         }
+        // Views whose perspective shows that they are turned by different angles probably share a part of them.
+        let is_turned = proven.contains(&Group::Turn) && !proven.contains(&Group::Shift);
+        if is_turned && !looks_distorted && !proven.contains(&Group::SharedTurn) {
+            let with = [&proven[..], &[Group::SharedTurn]].concat();
+            let candidate = solver(&with).solve(Some(&adjustment));
+            if let Some(candidate) = candidate.filter(|candidate| is_likely_shared(views, &candidate.models)) {
+                (proven, adjustment) = (with, candidate);
+            }
+        }
         let all = solver(&[Group::HARMLESS, Group::OTHERS].concat());
         let full = all.solve(Some(&adjustment))?;
         let covariance = all.covariance(&full)?;
@@ -197,6 +208,19 @@ impl Selection {
         let unit = |i: usize| DVector::from_fn(self.covariance.nrows(), |n, _| if n == k * LEN + i { 1.0 } else { 0.0 });
         std::array::from_fn(|i| self.deviation(&unit(i)))
     }
+}
+
+/// Returns true if the turn towards the baselines that all views share is not large beside the spread of their turns.
+fn is_likely_shared(views: &[View], models: &[ViewModel]) -> bool {
+    let weights = shared_turn(views);
+    let turn = |(k, model): (usize, &ViewModel)| {
+        let weights = weights.fixed_rows::<3>(k * LEN + ROTATION);
+        views.len() as f64 * weights.dot(&model.rotation)
+    };
+    let turns: Vec<f64> = models.iter().enumerate().map(turn).collect();
+    let mean = turns.iter().sum::<f64>() / turns.len() as f64;
+    let squares: f64 = turns.iter().map(|turn| (turn - mean).powi(2)).sum();
+    mean.abs() <= LIKELY * (squares / f64::max(turns.len() as f64 - 1.0, 1.0)).sqrt()
 }
 
 /// Returns true if two solutions show some matches at different places.

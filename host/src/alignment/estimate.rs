@@ -476,3 +476,19 @@ pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_that_stand_elsewhere_are_refused() {
+        let is_right = |degrees: f64, length: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            check_place(View::RIGHT, Vector3::new(length * cos, length * sin, 0.0), Vector3::x()).is_ok()
+        };
+        assert!(is_right(0.0, 1.0) && is_right(-14.0, 0.6) && is_right(14.0, 1.9));
+        assert!(!is_right(16.0, 1.0) && !is_right(-90.0, 1.0) && !is_right(180.0, 1.0));
+        assert!(!is_right(0.0, 0.4) && !is_right(0.0, 2.1));
+    }
+}

@@ -10,7 +10,8 @@
 //! ```
 //!
 //! A group is significant if its Wald statistic is, with a covariance that allows for errors which neighbours share, as those of
-//! an imperfect lens.
+//! an imperfect lens. It is noticeable if it moves one match in twenty, or the nearest points, which may be few, by their lengths
+//! of baselines.
 
 use multiscopic_core::View;
 use nalgebra::{DMatrix, DVector};
@@ -31,6 +32,8 @@ const SIGNIFICANT: f64 = 12.0;
 const NOTICEABLE_PX: f64 = 0.1;
 /// The share of matches that it may leave where they are.
 const UNMOVED: f64 = 0.95;
+/// The share of matches that are not nearest.
+const NOT_NEAREST: f64 = 0.99;
 /// The largest credible turn that the views share, in multiples of the spread of their turns towards their baselines.
 const LIKELY: f64 = 2.0;
 /// The factor by which the matches' error must fall for a lens to be suspected.
@@ -141,7 +144,8 @@ impl Selection {
     /// Adjusts the models of `views`. A pixel has `pixel` focal lengths.
     ///
     /// If all views are turned towards their baselines alike, all disparities change by the same amount, and nothing else does
-    /// but the perspective at the borders, which a lens distorts alike. So the turn must explain more than any lens, too.
+    /// but the perspective at the borders, which a lens distorts alike. So the turn must explain more than any lens, too. The
+    /// epipolar errors of a single neighbour are too few to prove it: what noise may pass for moves all disparities by pixels.
     pub fn of(views: &[View], points: &[Point], pixel: f64) -> Option<Selection> {
         let solver = |free: &[Group]| {
             let prior = free.iter().fold(Prior::NOMINAL, |prior, group| group.freed(prior));
@@ -150,9 +154,12 @@ impl Selection {
         let (mut proven, mut looks_distorted) = (Group::HARMLESS.to_vec(), false);
         let mut adjustment = solver(&proven).solve(None)?;
         for group in Group::OTHERS {
+            if group == Group::SharedTurn && views.len() == 1 {
+                continue;
+            }
             let with = [&proven[..], &[group]].concat();
             let Some(candidate) = solver(&with).solve(Some(&adjustment)) else { continue };
-            if !differs(&solver(&with), [&candidate, &adjustment]) || !is_significant(&solver(&with), &candidate, group) {
+            if !differs(&solver(&with), [&candidate, &adjustment], group) || !is_significant(&solver(&with), &candidate, group) {
                 continue;
             }
             let explains_more = |&distortion: &f64| {
@@ -169,7 +176,8 @@ impl Selection {
         for group in proven.clone().into_iter().rev() {
             let without: Vec<Group> = proven.iter().copied().filter(|&other| other != group).collect();
             let Some(candidate) = solver(&without).solve(Some(&adjustment)) else { continue };
-            if !differs(&solver(&without), [&candidate, &adjustment]) || !is_significant(&solver(&proven), &adjustment, group) {
+            let differs = differs(&solver(&without), [&candidate, &adjustment], group);
+            if !differs || !is_significant(&solver(&proven), &adjustment, group) {
                 (proven, adjustment) = (without, candidate);
             }
         }
@@ -223,15 +231,22 @@ fn is_likely_shared(views: &[View], models: &[ViewModel]) -> bool {
     mean.abs() <= LIKELY * (squares / f64::max(turns.len() as f64 - 1.0, 1.0)).sqrt()
 }
 
-/// Returns true if two solutions show some matches at different places.
-fn differs(solver: &Solver, [a, b]: [&Adjustment; 2]) -> bool {
-    let distances = solver.expected(a).into_iter().zip(solver.expected(b)).map(|([x, y], [u, v])| (x - u).hypot(y - v));
-    let mut distances: Vec<f64> = distances.collect();
-    if distances.is_empty() {
-        return false;
+/// Returns true if two solutions, with and without a group, show some matches at different places.
+fn differs(solver: &Solver, [a, b]: [&Adjustment; 2], group: Group) -> bool {
+    let least = NOTICEABLE_PX * solver.pixel;
+    if group == Group::Length {
+        let nearest = quantile(a.disparities.iter().map(|disparity| disparity.abs()).collect(), NOT_NEAREST);
+        let lengths = a.models.iter().zip(&b.models).map(|(a, b)| (a.position.norm() - b.position.norm()).abs());
+        return lengths.fold(0.0, f64::max) * nearest > least;
     }
-    let most = (UNMOVED * distances.len() as f64) as usize;
-    *distances.select_nth_unstable_by(most, f64::total_cmp).1 > NOTICEABLE_PX * solver.pixel
+    let distances = solver.expected(a).into_iter().zip(solver.expected(b)).map(|([x, y], [u, v])| (x - u).hypot(y - v));
+    quantile(distances.collect(), UNMOVED) > least
+}
+
+/// The value that a share of all is below; 0 of nothing.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    let below = (share * values.len() as f64) as usize;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(below, f64::total_cmp).1 }
 }
 
 /// Returns true if a group of an adjustment differs from its nominal values by more than chance.

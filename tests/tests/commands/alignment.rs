@@ -109,19 +109,6 @@ fn expected_summary(summary: &str, [right, down]: [i64; 2]) -> bool {
     }
 }
 
-#[test]
-#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
-fn views_that_stand_elsewhere_are_refused() {
-    // The right view is the one below the centre.
-    let frames =
-        RandomScene::new(3, 0, [320, 240]).ideal().render([View::BOTTOM, View::LEFT].into_iter().collect()).color_frames();
-    let center = Frames::new(frames.get(Frame::Center).unwrap().clone());
-    let wrong = center.with(View::RIGHT, frames.get(Frame::View(View::BOTTOM)).unwrap().clone());
-    let search =
-        SearchConfig { views: wrong.views(), fusion: Fusion::Min, num_disparities: 32, ..SearchConfig::of_size(320, 240) };
-    assert!(Alignment::estimate(&wrong, &search.checked().unwrap(), None).is_err());
-}
-
 /// A pattern of waves, in grey values.
 fn waves(x: f64, y: f64) -> f64 {
     let wave = |(k, (a, b)): (usize, (f64, f64))| (a * x + b * y + k as f64).sin();

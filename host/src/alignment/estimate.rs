@@ -7,8 +7,8 @@
 //! model   = bundle adjustment of these, by what they prove
 //! common  = the rotation that puts all positions on the image's rows and columns, as far as the nearest point shows it
 //! homography of the centre = the common rotation
-//! homography of a view     = its own rotation, scale and shift besides, and the image of the plane through the scene as its wrong
-//!                            position shows it, since the depth of other points cannot be taken out of one image
+//! homography of a view     = its own rotation, scale and shift besides, and the image of the plane through the scene as its
+//!                            wrong position shows it, since the depth of other points cannot be taken out of one image
 //! ```
 
 use std::{collections::BTreeMap, f64::consts::SQRT_2};

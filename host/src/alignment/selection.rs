@@ -305,8 +305,8 @@ mod tests {
         }
     }
 
-    /// A rig whose views differ from the nominal ones by some of the groups, and its matches: with noise of a tenth of a pixel, an
-    /// error that neighbours share, as that of a lens, and mismatches.
+    /// A rig whose views differ from the nominal ones by some of the groups, and its matches: with noise of a tenth of a pixel,
+    /// an error that neighbours share, as that of a lens, and mismatches.
     fn made_up(random: &mut fastrand::Rng, views: &[View]) -> (Vec<ViewModel>, Vec<Point>) {
         const PIXEL: f64 = 1e-3;
         let within = |random: &mut fastrand::Rng, most: f64| most * (2.0 * random.f64() - 1.0);

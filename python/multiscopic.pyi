@@ -72,6 +72,7 @@ class _Options(TypedDict, total=False):
     together: bool | None
     align: bool | None
     auto_range: bool | None
+    inspection: bool | None
     bits: Literal[10, 12, 14, 16] | None
     prior: npt.ArrayLike | None
     confidence: bool | None

@@ -103,7 +103,9 @@ impl MatchSetup {
         search: impl Fn((i16, u16)) -> Result<SearchSpace>,
         rectified: impl FnOnce(&Alignment) -> Result<Frames>,
     ) -> Result<MatchSetup> {
-        let before = MatchSetup::of_inspection(Inspection::of(frames), range_source, &search)?;
+        // Mismatches far beyond what the images show would mislead the alignment.
+        let sought = if range_source == RangeSource::Paper { RangeSource::Images } else { range_source };
+        let before = MatchSetup::of_inspection(Inspection::of(frames), sought, &search)?;
         let alignment = Alignment::estimate(frames, &before.search, geometry.as_ref())?;
         *frames = rectified(&alignment)?;
         if let Some(geometry) = geometry {

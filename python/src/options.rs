@@ -111,7 +111,11 @@ impl Options {
 
     /// Returns the method, for matches with the views of `frames`.
     pub fn method(&self, frames: &Frames) -> Result<Method> {
-        self.keywords.matching.method(frames.views()).map_err(|error| match error {
+        let method = match self.prior {
+            Some(_) => self.keywords.matching.method_around_prior(frames.views()),
+            None => self.keywords.matching.method(frames.views()),
+        };
+        method.map_err(|error| match error {
             Error::Usage(message) => Error::Usage(in_python(&message)),
             other => other,
         })

@@ -115,6 +115,15 @@ impl MatchingOptions {
         self.options.check_block_size(&[self.method], self.search.block_size)?;
         self.options.method_at_baselines(self.method, self.search.block_size, views, &self.baselines)
     }
+
+    /// Returns the method for a match with `views` around known disparities, which no method has to find: that with no steps
+    /// after it but those asked for.
+    ///
+    /// # Errors
+    /// Those of [`method`](MatchingOptions::method).
+    pub fn method_around_prior(&self, views: Views) -> Result<Method> {
+        self.options.method_at_baselines(MethodName::Bm, self.search.block_size, views, &self.baselines)
+    }
 }
 
 impl MethodOptions {

@@ -235,7 +235,7 @@ fn records(folders: &[&Path], more: &[&str]) -> (Vec<Value>, String) {
 fn matched(folder: &Path) -> Vec<f64> {
     let output = folder.with_extension("pfm");
     let paths = [folder, &output].map(|path| path.to_str().expect("a path in UTF-8"));
-    Invocation::new(["match", paths[0], "--num-disparities", "30", "-o", paths[1]]).assert_done();
+    Invocation::new(["match", paths[0], "--method", "bm", "--num-disparities", "30", "-o", paths[1]]).assert_done();
     read_pfm(&output).2.into_iter().map(f64::from).collect()
 }
 

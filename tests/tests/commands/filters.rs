@@ -23,7 +23,7 @@ impl Capture {
     fn matched(&self, options: &str) -> Invocation {
         let (rig, output) = (self.path("0000"), self.path("d.pfm"));
         let arguments = ["match", &rig, "--num-disparities", "14", "-o", &output];
-        let method = if options.contains("--method") { &[][..] } else { &["--method", "bm"] };
+        let method = if options.contains("--method") || options.contains("--prior ") { &[][..] } else { &["--method", "bm"] };
         Invocation::new(arguments.iter().chain(method).copied().chain(options.split_whitespace()))
     }
 

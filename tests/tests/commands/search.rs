@@ -214,7 +214,10 @@ fn refined(images: &ViewSet, map: &[Option<i32>]) -> Vec<Option<i32>> {
 #[track_caller]
 fn matched(folder: &Path, offsets: &[(i32, i32)], arguments: &[&str]) -> Vec<Option<i32>> {
     let path = |name: &str| folder.join(format!("{name}.pgm")).display().to_string();
-    let mut all = vec!["match".to_owned(), "--method".into(), "bm".into(), "--center".into(), path("center")];
+    let mut all = vec!["match".to_owned(), "--center".into(), path("center")];
+    if !arguments.contains(&"--prior") {
+        all.extend(["--method", "bm"].map(String::from));
+    }
     for &(right, down) in offsets {
         let name = match (right, down) {
             (-1, 0) => "left",

@@ -99,16 +99,19 @@ impl Align {
             output::check_folder(folder)?;
         }
         let (frames, _, undistortion) = source.load()?;
-        let search = self.search.search(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
+        let inspection = Inspection::of(&frames);
+        let range = inspection.range.unwrap_or(SearchOptions::DEFAULT_RANGE);
+        let search = self.search.search(frames.size(), frames.views(), None, range)?;
         let rig = match (source.rig.take(), &source.lens) {
             (Some(rig), Some(lens)) => Some(lens.ideal_rig(rig, frames.size())?),
             (rig, _) => rig,
         };
         let geometry = rig.as_ref().and_then(|rig| rig.geometry(frames.size()));
         check_alignment(&self.memory, &frames)?;
-        let inspection = Inspection::of(&frames);
         let alignment = Alignment::estimate(&frames, &search, geometry.as_ref());
-        let refuse_swapped = |inspection: &Inspection| inspection.refuse_swapped(search.min_disparity());
+        // Nobody asked for the negative disparities that the images show.
+        let asked = self.search.min_disparity.unwrap_or(0);
+        let refuse_swapped = |inspection: &Inspection| inspection.refuse_swapped(asked);
         let alignment = alignment.map_err(|error| refuse_swapped(&inspection).err().unwrap_or(error))?;
         let inspection = alignment.inspect(&inspection, &alignment.compensate(&frames));
         refuse_swapped(&inspection)?;
@@ -148,7 +151,7 @@ impl Align {
             Ok(())
         })?;
         written.into_iter().flatten().for_each(|path| terminal::say(&format!("wrote {}", path.display())));
-        let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(alignment.warning());
+        let warnings = inspection.warnings(asked).into_iter().chain(alignment.warning());
         warnings.for_each(|warning| terminal::warn(&advice::warning(&warning)));
         advice::range_line(&inspection).into_iter().for_each(|line| terminal::say(&line));
         terminal::print(&match self.json {

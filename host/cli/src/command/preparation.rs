@@ -38,7 +38,9 @@ pub fn prepare(
     }
     check_alignment(memory, frames)?;
     let rectified = |alignment: &_| source.rectified_frames(undistortion, alignment);
-    MatchSetup::rectifying(frames, geometry, range_source, search, rectified)
+    let setup = MatchSetup::rectifying(frames, geometry, range_source, search, rectified)?;
+    setup.alignment.iter().for_each(|alignment| terminal::say(&alignment.summary()));
+    Ok(setup)
 }
 
 /// Checks that the alignment of `frames` may take what it takes.

@@ -22,9 +22,11 @@ const USUAL_OFFSET: f64 = 8.0;
 /// The steps of the robust fit.
 const STEPS: usize = 10;
 /// The least number of corners.
-const MIN_SAMPLES: usize = 20;
+const MIN_SAMPLES: usize = 30;
 /// The effect that is left alone, as a root mean square, in grey values.
 const NEGLIGIBLE: f64 = 2.0;
+/// The share of the samples' differences from the centre that a change of brightness may leave unexplained.
+const UNEXPLAINED: f64 = 0.6;
 /// The most and the least gain anywhere that is evened out.
 const GAINS: RangeInclusive<f64> = 0.2..=5.0;
 /// The change of the gain from border to border, as a share of it, from which on the light is called uneven.
@@ -79,7 +81,9 @@ impl Brightness {
         let steepest = right.abs() + down.abs();
         let is_possible = GAINS.contains(&(gain - steepest)) && GAINS.contains(&(gain + steepest));
         let change = median(samples.iter().map(|s| s.view / s.center.max(1.0)).collect()) - 1.0;
-        let is_clear = (effect / samples.len() as f64).sqrt() > NEGLIGIBLE;
+        let difference = |from: &dyn Fn(&Sample) -> f64| median(samples.iter().map(|s| (s.view - from(s)).abs()).collect());
+        let is_explained = difference(&|s| row(s).dot(&model)) < UNEXPLAINED * difference(&|s| s.center);
+        let is_clear = is_explained && (effect / samples.len() as f64).sqrt() > NEGLIGIBLE;
         (is_possible && is_clear).then_some(Brightness { gain: [gain, right, down], offset, change })
     }
 
@@ -146,7 +150,7 @@ mod tests {
     #[test]
     fn a_darker_view_that_is_lit_from_one_side_becomes_as_bright_as_the_centre() {
         assert_eq!(Brightness::fit(&samples(1.0, 0.0, 0.0)), None);
-        assert_eq!(Brightness::fit(&samples(0.6, 0.1, 5.0)[..10]), None, "too few corners");
+        assert_eq!(Brightness::fit(&samples(0.6, 0.1, 5.0)[..20]), None, "too few corners");
         let brightness = Brightness::fit(&samples(0.6, 0.1, 5.0)).expect("it is darker");
         assert!(brightness.is_uneven() && (-0.4..-0.3).contains(&brightness.change()), "{brightness:?}");
         let center = GrayImage::from_fn(64, 8, |u, v| image::Luma([(60 + u + 8 * v) as u8]));

@@ -78,7 +78,7 @@ fn matches_take_what_they_announce() {
         (scene(dir.path(), "160x120", "1"), scene(dir.path(), "640x480", "1"), scene(dir.path(), "640x480", "4"));
     let small = scene(dir.path(), "400x300", "1");
     let words = |rig, options: &'static str| {
-        let words = ["match", rig, "--num-disparities", "40", "-o", "-", "--threads", "2"];
+        let words = ["match", rig, "--no-inspection", "--num-disparities", "40", "-o", "-", "--threads", "2"];
         words.into_iter().chain(options.split(' ')).collect::<Vec<_>>()
     };
     let (_, program) = matched(&words(&tiny, "--method bm"));

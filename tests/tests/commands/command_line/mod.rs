@@ -128,7 +128,7 @@ fn other_image_formats_are_read() {
     ppm.extend(colours.iter().flatten());
     let ppm = bench.file("right.ppm", &ppm);
     bench.set("--right", ppm);
-    bench.add("--num-disparities", "9");
+    bench.add("--method", "bm").add("--num-disparities", "9");
     bench.run().assert_done();
 
     let grey = |&[r, g, b]: &[u8; 3]| ((77 * u32::from(r) + 150 * u32::from(g) + 29 * u32::from(b) + 128) >> 8) as u8;
@@ -143,7 +143,7 @@ fn other_image_formats_are_read() {
 fn a_frame_of_one_pixel_matches() {
     let mut bench = Bench::stereo();
     let pixel = bench.file("pixel.pgm", b"P5 1 1 255\n\x07");
-    bench.set("--center", &pixel).set("--right", &pixel);
+    bench.set("--center", &pixel).set("--right", &pixel).add("--method", "bm");
     bench.output("-o", "out.pfm");
     let raw = bench.output("--raw16", "raw.png");
     bench.run().assert_done();
@@ -160,7 +160,7 @@ fn the_picture_has_turbo_colours() {
     bench.output("-o", "out.pfm");
     let raw = bench.output("--raw16", "raw.png");
     let png = bench.output("--png", "picture.png");
-    bench.add("--num-disparities", "8");
+    bench.add("--method", "bm").add("--num-disparities", "8");
     bench.run().assert_done();
     let picture = image::open(png).expect("a picture").to_rgb8();
     assert_eq!(picture.dimensions(), (48, 32));

@@ -230,7 +230,7 @@ fn a_live_recording_has_what_match_finds_in_each_capture() {
     assert_eq!(live.len(), 7, "{:?}", live.keys());
     for (i, folder) in ["0001", "0002", "0003"].into_iter().enumerate() {
         let rig = path(&format!("live/{folder}"));
-        Invocation::new(["match", &rig, "--num-disparities", "24", "--mcap", &path("r.mcap")]).assert_done();
+        Invocation::new(["match", &rig, "--method", "bm", "--num-disparities", "24", "--mcap", &path("r.mcap")]).assert_done();
         for (topic, expected) in timeless(&path("r.mcap")) {
             assert_eq!(live[&topic].len(), 3, "{topic}");
             assert!(live[&topic][i] == expected[0], "{topic} of {folder}");

@@ -126,6 +126,7 @@ fn parameters_out_of_range_are_refused() {
     ];
     for (arguments, words) in cases {
         let mut bench = Bench::stereo();
+        bench.add("--method", "bm");
         bench.arguments.extend(arguments.iter().map(|&argument| argument.into()));
         bench.refused(words);
     }

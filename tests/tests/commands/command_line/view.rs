@@ -65,7 +65,7 @@ fn the_truth_is_that_of_aligned_frames() {
     let evaluated: serde_json::Value = serde_json::from_str(&fs::read_to_string(&evaluated).expect("metrics")).expect("JSON");
     let rms = evaluated[0]["rms"].as_f64().expect("a number");
     let commands: [&[&str]; 2] =
-        [&["match", &rig, "--align", "--report", &page], &["view", &rig, "--align", "--no-open", "-o", &page]];
+        [&["match", &rig, "--method", "bm", "--align", "--report", &page], &["view", &rig, "--align", "--no-open", "-o", &page]];
     for words in commands {
         Invocation::new(words).assert_done();
         let shown = data(&page);
@@ -112,7 +112,7 @@ fn match_evaluate_and_capture_write_the_same_page() {
     let [page, map, rig] = ["page.html", "map.pfm", "rig"].map(|name| dir.path().join(name).to_str().expect("UTF-8").to_owned());
     Invocation::new(["match", &demo, "--num-disparities", "6", "-o", &map, "--report", &page]).assert_done();
     let shown = data(&page);
-    assert_eq!(names(&shown), ["bm"]);
+    assert_eq!(names(&shown), ["net"]);
     assert_eq!(shown["scenes"][0]["maps"][0]["file"], "map.pfm");
     assert!(shown["scenes"][0]["maps"][0]["confidences"].is_string());
     // Of several captures, all have everything.

@@ -39,7 +39,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
         Matching::Blocks { params, .. }
         | Matching::AroundPrior { short: params, .. }
         | Matching::WithConfidences(WholeLines::Blocks(params)) => {
-            format!("--block-size {}", params.block_size())
+            format!("--method bm --block-size {}", params.block_size())
         }
         Matching::SemiGlobal(params) | Matching::WithConfidences(WholeLines::SemiGlobal(params)) => match params.cost() {
             SemiGlobalCost::Sad { block_size } => format!("--method sgm --cost sad --block-size {block_size}"),

@@ -15,7 +15,7 @@ fn rigs() -> Desk {
     desk
 }
 
-const MATCH: &str = "match --list @list.txt --num-disparities 16 -o d.pfm --png p.png";
+const MATCH: &str = "match --list @list.txt --method bm --num-disparities 16 -o d.pfm --png p.png";
 
 #[test]
 fn shares_are_all_rigs_once_and_merge_to_what_one_machine_makes() {
@@ -40,7 +40,7 @@ fn shares_are_all_rigs_once_and_merge_to_what_one_machine_makes() {
     assert_eq!(table.lines().filter(|line| line.contains("48x36")).count(), 7, "{table}");
     assert!(!json.contains("milliseconds") && !json.contains("seconds"), "{json}");
     // The outputs are those of a match of the rig alone.
-    desk.done("match @rigs/0001 --num-disparities 16 -o @alone.pfm --png @alone.png");
+    desk.done("match @rigs/0001 --method bm --num-disparities 16 -o @alone.pfm --png @alone.png");
     for (number, (name, alone)) in [("d.pfm", "alone.pfm"), ("p.png", "alone.png")].into_iter().enumerate() {
         let alone = fs::read(desk.path(alone)).expect("an output");
         assert_eq!(fs::read(desk.path("shared/rigs/0001").join(name)).expect("an output"), alone);

@@ -171,7 +171,10 @@ impl Match {
             (None, None) => center,
         });
 
-        let method = self.matching.method(views)?;
+        let method = match &prior {
+            Some(_) => self.matching.method_around_prior(views)?,
+            None => self.matching.method(views)?,
+        };
         if let Some(folder) = &outputs.features {
             write_inputs(&Inputs::new(&frames.planes(), &search, engine, &())?, folder)?;
         }

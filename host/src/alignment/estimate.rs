@@ -20,6 +20,7 @@ use super::{
     adjustment::{LEN, POSITION, Point, ROTATION, SCALE, SHIFT},
     inspection::{Inspection, suspicion},
     selection::{Group, Selection},
+    statistics::median,
     tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
     view_geometry::{Direction, EpipolarError, Map, Pinhole, ViewModel, common_rotation, common_rotation_with_deviation},
 };
@@ -315,7 +316,8 @@ impl Alignment {
                 .push("a shift or turn of all views towards their baselines, which changes all disparities alike".to_owned());
         }
         let [.., roll] = self.common_deviation_deg;
-        if !(roll < MAX_ROLL_DEVIATION_DEG) {
+        // It is not finite where nothing shows it.
+        if roll.is_nan() || roll >= MAX_ROLL_DEVIATION_DEG {
             not_shown.push(format!("the roll of the camera against the stage (+- {roll:.1} deg)"));
         }
         (!not_shown.is_empty()).then(|| format!("the images do not show {}", not_shown.join(", nor ")))
@@ -466,15 +468,6 @@ fn plane(points: &[Point], disparities: &[f64]) -> Vector3<f64> {
         right += ray * disparity;
     }
     matrix.cholesky().map_or_else(Vector3::zeros, |matrix| matrix.solve(&right))
-}
-
-/// The median; NaN of nothing.
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]

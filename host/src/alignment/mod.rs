@@ -16,6 +16,7 @@
 //! | `adjustment` | bundle adjustment |
 //! | `selection` | the parameters that the images prove, and how certain they are |
 //! | `mounting` | the rotation of a camera against the stage that moves it: [`Mounting`] |
+//! | `statistics` | the median |
 //! | `inspection` | the properties of images before they are matched: [`Inspection`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
 
@@ -24,11 +25,12 @@ mod estimate;
 mod inspection;
 mod mounting;
 mod selection;
+mod statistics;
 mod tracking;
 mod view_geometry;
 
 pub use estimate::Alignment;
-pub(crate) use estimate::median;
 pub use inspection::Inspection;
 pub use mounting::Mounting;
+pub(crate) use statistics::median;
 pub use view_geometry::{EpipolarError, across};

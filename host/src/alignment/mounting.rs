@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 
 use super::{
     adjustment::adjust_moved,
-    estimate::{median, points},
+    estimate::points,
+    statistics::median,
     tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
     view_geometry::{Direction, Pinhole, common_rotation_with_deviation},
 };

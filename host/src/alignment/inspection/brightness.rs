@@ -11,7 +11,8 @@ use image::{ImageBuffer, Pixel};
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
 
-use crate::{alignment::median, images::Picture};
+use super::super::statistics::median;
+use crate::images::Picture;
 
 /// The noise of a mean, in grey values.
 const NOISE: f64 = 3.0;

@@ -36,7 +36,7 @@ use self::{
     sharpness::{blurred, white_share},
     view_order::SeenView,
 };
-use super::tracking::RADIUS;
+use super::{statistics::median, tracking::RADIUS};
 use crate::{
     error::{Error, Result, Warning},
     files::CornerDisparities,
@@ -283,7 +283,7 @@ fn disagreement(center: &SearchedCenter, seen: &[SeenView], factor: f64) -> Opti
         if both.len() < MIN_POINTS {
             continue;
         }
-        let usual = super::median(both.iter().map(|(_, difference)| *difference).collect());
+        let usual = median(both.iter().map(|(_, difference)| *difference).collect());
         if usual.abs() > MAX_SPREAD / 2.0 {
             return Some(Warning::Shifted { views: [first.view, other.view], px: factor * usual.abs() });
         }

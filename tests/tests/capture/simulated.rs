@@ -173,7 +173,8 @@ fn assert_close(mount: &Mount, expected: [f64; 3]) {
         let (found, deviation) = (mount.rotation_deg[axis], deviations[axis]);
         // The errors of the stage alone are worth 0.07 degrees.
         assert!((found - expected).abs() < 0.25, "axis {axis}: {found} instead of {expected}");
-        assert!(deviation > 0.0 && deviation < 0.1, "axis {axis}: a deviation of {deviation}");
+        // Errors of neighbouring corners go together.
+        assert!(deviation > 0.0 && deviation < 0.15, "axis {axis}: a deviation of {deviation}");
     }
 }
 

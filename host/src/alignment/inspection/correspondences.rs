@@ -9,7 +9,7 @@
 //! drop the corners that are off the baseline by another distance than most
 //! ```
 
-use image::GrayImage;
+use image::{GrayImage, imageops};
 use multiscopic_core::View;
 use rayon::prelude::*;
 
@@ -28,8 +28,19 @@ const MIN_LEAD: f32 = 0.03;
 /// Places this near to a match are not others, in pixels of the smallest images.
 const NEAR: isize = 2;
 
+/// The largest side of the images that are inspected, in pixels.
+const SIDE: u32 = 800;
 /// The approximate number of corners.
 const CORNERS: usize = 450;
+
+/// The image at the size at which it is inspected.
+pub fn inspected(image: &GrayImage) -> GrayImage {
+    let factor = image.width().max(image.height()).div_ceil(SIDE).max(1);
+    match factor {
+        1 => image.clone(),
+        _ => imageops::thumbnail(image, (image.width() / factor).max(1), (image.height() / factor).max(1)),
+    }
+}
 
 /// The image of the centre, and its corners.
 pub struct SearchedCenter<'a> {

@@ -26,13 +26,13 @@ mod view_order;
 
 use std::{collections::BTreeMap, ops::RangeInclusive};
 
-use image::{GrayImage, imageops};
+use image::GrayImage;
 use multiscopic_core::{Frame, View};
 
 pub(super) use self::view_order::suspicion;
 use self::{
     brightness::{Brightness, Sample, from_middle},
-    correspondences::{Correspondence, SearchedCenter},
+    correspondences::{Correspondence, SearchedCenter, inspected},
     sharpness::{blurred, white_share},
     view_order::SeenView,
 };
@@ -43,8 +43,6 @@ use crate::{
     images::Frames,
 };
 
-/// The largest side of the images that are inspected, in pixels.
-const SIDE: u32 = 800;
 /// The most by which the disparities of a corner in its views may differ, in pixels of the inspected images.
 const MAX_SPREAD: f64 = 1.5;
 /// The least number of corners from which anything is concluded.
@@ -180,11 +178,11 @@ impl Inspection {
         let center = frames.get(Frame::Center).expect("frames always have a centre");
         let neighbors: Vec<(View, &GrayImage)> =
             frames.views().iter().map(|view| (view, frames.get(Frame::View(view)).expect("the view is there"))).collect();
-        let small = small(center);
+        let small = inspected(center);
         let factor = f64::from(center.width()) / f64::from(small.width());
         let searched = SearchedCenter::new(&small);
         let seen: Vec<SeenView> =
-            neighbors.iter().map(|&(view, image)| SeenView::new(&searched, view, &self::small(image))).collect();
+            neighbors.iter().map(|&(view, image)| SeenView::new(&searched, view, &inspected(image))).collect();
 
         let agreed = agreed_places(&searched, &seen);
         let scale = [center.width() as f64 / f64::from(small.width()), center.height() as f64 / f64::from(small.height())];
@@ -196,7 +194,7 @@ impl Inspection {
 
         let copies: Vec<View> = neighbors.iter().filter(|(_, image)| *image == center).map(|(view, _)| *view).collect();
         let brightness = neighbors.iter().zip(&seen).filter_map(|(&(view, image), seen)| {
-            Some((view, Brightness::fit(&samples(&small, &self::small(image), &searched.corners, &seen.found))?))
+            Some((view, Brightness::fit(&samples(&small, &inspected(image), &searched.corners, &seen.found))?))
         });
         let brightness: BTreeMap<View, Brightness> = brightness.collect();
         let order = seen.iter().filter(|seen| !copies.contains(&seen.view)).filter_map(|seen| seen.fault(factor));
@@ -226,15 +224,6 @@ impl Inspection {
             copies,
             flat: searched.share_below(FLAT),
         }
-    }
-}
-
-/// The image at the size at which it is inspected.
-fn small(image: &GrayImage) -> GrayImage {
-    let factor = image.width().max(image.height()).div_ceil(SIDE).max(1);
-    match factor {
-        1 => image.clone(),
-        _ => imageops::thumbnail(image, (image.width() / factor).max(1), (image.height() / factor).max(1)),
     }
 }
 

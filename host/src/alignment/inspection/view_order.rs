@@ -4,7 +4,7 @@ use image::{GrayImage, imageops};
 use multiscopic_core::View;
 
 use super::{
-    correspondences::{Correspondence, SearchedCenter, SearchedView},
+    correspondences::{Correspondence, SearchedCenter, SearchedView, inspected},
     sharpness::{MIN_SHARPNESS, sharpness},
 };
 use crate::error::Warning;
@@ -139,7 +139,7 @@ pub fn suspicion(center: &GrayImage, neighbor: &GrayImage, view: View) -> Option
     if sharpness(neighbor) < MIN_SHARPNESS * sharpness(center) {
         return Some("it is blurred: keep the camera still while it takes it, and the focus fixed");
     }
-    let (center, neighbor) = (super::small(center), super::small(neighbor));
+    let (center, neighbor) = (inspected(center), inspected(neighbor));
     SeenView::new(&SearchedCenter::new(&center), view, &neighbor).hint
 }
 

@@ -64,10 +64,11 @@ fn the_truth_is_that_of_aligned_frames() {
     assert_eq!(run.code, Some(0), "{run:#?}");
     let evaluated: serde_json::Value = serde_json::from_str(&fs::read_to_string(&evaluated).expect("metrics")).expect("JSON");
     let rms = evaluated[0]["rms"].as_f64().expect("a number");
+    let range = ["--min-disparity", "1", "--num-disparities", "60"];
     let commands: [&[&str]; 2] =
         [&["match", &rig, "--method", "bm", "--align", "--report", &page], &["view", &rig, "--align", "--no-open", "-o", &page]];
     for words in commands {
-        Invocation::new(words).assert_done();
+        Invocation::new(words.iter().chain(&range).copied()).assert_done();
         let shown = data(&page);
         let scene = &shown["scenes"][0];
         assert!(scene["truth"].is_string(), "{words:?}");

@@ -259,6 +259,7 @@ fn longer_baselines(root: &Path, scene: &str) -> Result<(), Failed> {
         let map = dir.path().join("map.pfm").display().to_string();
         let images = [path("view1.png"), path("view0.png"), path("view2.png")];
         let mut all = vec!["match", "--center", &images[0], "--left", &images[1], "--right", &images[2], "-o", &map];
+        all.extend(["--method", "bm", "--min-disparity", "1"]);
         all.extend(longer);
         let run = Invocation::new(all);
         if run.code != Some(0) {
@@ -380,7 +381,7 @@ fn rectification(root: &Path, scenes: &[&str], differences: &[Difference; 2]) ->
             let toml = toml.replace("[1.0, 2.0]", &format!("[{cx:?}, {cy:?}]"));
             std::fs::write(dir.path().join("rig.toml"), toml)?;
             let [rig, out] = [dir.path().to_path_buf(), dir.path().join("out.pfm")].map(|path| path.display().to_string());
-            let range = ["--min-disparity", "0", "--num-disparities", "24", "--fusion", "min"];
+            let range = ["--method", "bm", "--min-disparity", "0", "--num-disparities", "24", "--fusion", "min"];
             let run = Invocation::new([&["match", &rig, "-o", &out], &range[..], options].concat());
             if run.code != Some(0) {
                 return Err(format!("{run:#?}").into());

@@ -197,10 +197,13 @@ impl Inspection {
             Some((view, Brightness::fit(&samples(&small, &inspected(image), &searched.corners, &seen.found))?))
         });
         let brightness: BTreeMap<View, Brightness> = brightness.collect();
-        let order = seen.iter().filter(|seen| !copies.contains(&seen.view)).filter_map(|seen| seen.fault(factor));
+        let all = [(Frame::Center, center)].into_iter().chain(neighbors.iter().map(|&(view, image)| (Frame::View(view), image)));
+        let blurred = blurred(&all.collect::<Vec<_>>());
+        let is_explained = |view: View| copies.contains(&view) || blurred.contains(&Frame::View(view));
+        let order = seen.iter().filter(|seen| !is_explained(seen.view)).filter_map(|seen| seen.fault(factor));
         let mut faults: Vec<Warning> = order.collect();
         let swapped: Vec<View> = seen.iter().filter(|seen| seen.is_swapped()).map(|seen| seen.view).collect();
-        if faults.is_empty() && swapped.is_empty() {
+        if faults.is_empty() && swapped.is_empty() && copies.is_empty() {
             faults.extend(disagreement(&searched, &seen, factor));
         }
         faults.extend(brightness.iter().filter_map(|(&view, brightness)| {
@@ -211,7 +214,6 @@ impl Inspection {
         let white = neighbors.iter().map(|&(view, image)| (view, white_share(image) - usual));
         faults.extend(white.filter(|(_, share)| *share > MAX_WHITE).map(|(view, share)| Warning::Overexposed { view, share }));
 
-        let all = [(Frame::Center, center)].into_iter().chain(neighbors.iter().map(|&(view, image)| (Frame::View(view), image)));
         Inspection {
             range: range(&corners, factor),
             corners,
@@ -220,7 +222,7 @@ impl Inspection {
             swapped,
             faults,
             brightness,
-            blurred: blurred(&all.collect::<Vec<_>>()),
+            blurred,
             copies,
             flat: searched.share_below(FLAT),
         }
@@ -320,7 +322,7 @@ fn range(disparities: &[f64], factor: f64) -> Option<(i16, u16)> {
 
 #[cfg(test)]
 mod tests {
-    use image::Luma;
+    use image::{Luma, imageops};
 
     use super::*;
 

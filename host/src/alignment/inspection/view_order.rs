@@ -131,7 +131,8 @@ fn turned(center: &SearchedCenter, image: &GrayImage, view: View, count: usize) 
         "it is upside down: hold the camera one way up",
     ];
     let count = |image: &GrayImage| center.find(&SearchedView::new(image), view, SLIGHT, STEP).iter().flatten().count();
-    turned.into_iter().zip(hints).find(|(turned, _)| count(&turned(image)) >= least).map(|(_, hint)| hint)
+    let best = turned.into_iter().zip(hints).map(|(turned, hint)| (count(&turned(image)), hint)).max_by_key(|(count, _)| *count);
+    best.filter(|(count, _)| *count >= least).map(|(_, hint)| hint)
 }
 
 /// Guesses what is wrong with the image of a view in which few corners of the centre are found.

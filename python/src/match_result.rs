@@ -20,7 +20,7 @@ use crate::{
 ///
 /// >>> import numpy as np, multiscopic
 /// >>> center = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
-/// >>> result = multiscopic.match(center, right=np.roll(center, -4, axis=1), num_disparities=8)
+/// >>> result = multiscopic.match(center, right=np.roll(center, -4, axis=1), method="bm", num_disparities=8)
 /// >>> result
 /// <multiscopic.Result of 80x60 pixels, 98.8 % of them valid>
 /// >>> float(np.nanmedian(result.disparity))
@@ -111,7 +111,7 @@ impl MatchResult {
     ///
     /// >>> import numpy as np, multiscopic
     /// >>> center = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
-    /// >>> result = multiscopic.match(center, right=np.roll(center, -4, axis=1), num_disparities=8)
+    /// >>> result = multiscopic.match(center, right=np.roll(center, -4, axis=1), method="bm", num_disparities=8)
     /// >>> float(np.nanmedian(result.depth(focal_px=500, baseline_mm=40)))
     /// 5.0
     #[pyo3(signature = (focal_px=None, baseline_mm=None, doffs=None))]

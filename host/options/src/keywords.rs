@@ -323,7 +323,7 @@ mod tests {
     #[test]
     fn types_follow_from_options() {
         for (name, annotation, default) in [
-            ("method", r#"Literal["bm", "gc", "sgm", "mccnn-fast", "mccnn-accurate", "net"]"#, "'bm'"),
+            ("method", r#"Literal["bm", "gc", "sgm", "mccnn-fast", "mccnn-accurate", "net"]"#, "'net'"),
             ("min_disparity", "int", "None"),
             ("auto_range", "bool", "False"),
             ("bits", "Literal[10, 12, 14, 16]", "None"),
@@ -354,7 +354,7 @@ mod tests {
         assert!(unwrapped.contains("[default: a third of lambda1]"), "{text}");
         assert!(text.contains("refine: False: keep whole disparities, without sub-pixel refinement [default: True]"), "{text}");
         assert!(text.lines().all(|line| line.chars().count() <= LINE), "{text}");
-        assert!(signature(&Keyword::all()).starts_with("method='bm', fusion=None, min_disparity=None, "));
+        assert!(signature(&Keyword::all()).starts_with("method='net', fusion=None, min_disparity=None, "));
     }
 
     #[test]

@@ -207,6 +207,6 @@ mod tests {
         assert_eq!(values("median"), "slider from 3 to 31");
         // MC-CNN is offered where its weights are installed.
         let methods = values("method").replace("mccnn-fast ", "").replace("mccnn-accurate ", "");
-        assert!(methods.starts_with("bm gc sgm net"), "{methods}");
+        assert!(methods.starts_with("net bm gc sgm"), "{methods}");
     }
 }

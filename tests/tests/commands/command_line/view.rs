@@ -60,11 +60,11 @@ fn the_truth_is_that_of_aligned_frames() {
     Invocation::new([&["scene"], &made[..]].concat()).assert_done();
     let rig = scenes + "/0000";
     let evaluated = dir.path().join("metrics.json").to_str().expect("UTF-8").to_owned();
-    let run = Invocation::new(["evaluate", &rig, "--align", "--json", &evaluated]);
+    let range = ["--min-disparity", "0", "--num-disparities", "12"];
+    let run = Invocation::new(["evaluate", &rig, "--align", "--json", &evaluated].iter().chain(&range).copied());
     assert_eq!(run.code, Some(0), "{run:#?}");
     let evaluated: serde_json::Value = serde_json::from_str(&fs::read_to_string(&evaluated).expect("metrics")).expect("JSON");
     let rms = evaluated[0]["rms"].as_f64().expect("a number");
-    let range = ["--min-disparity", "1", "--num-disparities", "60"];
     let commands: [&[&str]; 2] =
         [&["match", &rig, "--method", "bm", "--align", "--report", &page], &["view", &rig, "--align", "--no-open", "-o", &page]];
     for words in commands {

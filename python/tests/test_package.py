@@ -96,7 +96,7 @@ def test_refused_arguments():
         (TypeError, "median is wide", [GRAY, GRAY], {"median": "wide"}),
         (ValueError, "method is sift, it must be one of bm, gc", [GRAY, GRAY], {"method": "sift"}),
         (ValueError, "block_size is 300", [GRAY, GRAY], {"block_size": 300}),
-        (ValueError, "block size", [GRAY, GRAY], {"block_size": 8}),
+        (ValueError, "block size", [GRAY, GRAY], {"method": "bm", "block_size": 8}),
         (ValueError, "block_size has no effect on net", [GRAY, GRAY], {"method": "net", "block_size": 7}),
         (ValueError, "min_confidence is 1.5", [GRAY, GRAY], {"min_confidence": 1.5}),
         (ValueError, "uniqueness_ratio is 101", [GRAY, GRAY], {"uniqueness_ratio": 101}),

@@ -12,10 +12,10 @@ RANGE = {"min_disparity": 0, "num_disparities": 16}
 
 VARIANTS = [
     {},
-    {"fusion": "mean", "block_size": 7},
-    {"fusion": "half", "uniqueness_ratio": 15, "texture_threshold": 40},
-    {"disp12_max_diff": 1, "median": 5, "speckle_window_size": 60, "speckle_range": 2},
-    {"bilateral": (2.0, 1.5), "min_confidence": 0.5, "fill": "background"},
+    {"method": "bm", "fusion": "mean", "block_size": 7},
+    {"method": "bm", "fusion": "half", "uniqueness_ratio": 15, "texture_threshold": 40},
+    {"method": "bm", "disp12_max_diff": 1, "median": 5, "speckle_window_size": 60, "speckle_range": 2},
+    {"method": "bm", "bilateral": (2.0, 1.5), "min_confidence": 0.5, "fill": "background"},
     {"method": "sgm"},
     {"method": "sgm", "cost": "census2", "census": "7x7", "p1": 5, "paths": 8, "fusion": "min"},
     {"method": "sgm", "cost": "sad", "block_size": 3, "p2": 40, "p2_edge": 20, "uniqueness_ratio": 5},
@@ -263,9 +263,9 @@ def test_corners_of_an_array(program, tmp_path, images, rig):
 
 
 def test_evaluate(program, tmp_path, rig):
-    program("evaluate", rig, "--methods", "sgm", "--views", 4, "--json", tmp_path / "metrics.json")
+    program("evaluate", rig, "--methods", "sgm", "--views", 4, *words(RANGE), "--json", tmp_path / "metrics.json")
     (record,) = json.loads((tmp_path / "metrics.json").read_text())
-    result = multiscopic.Rig.load(rig).match(method="sgm")
+    result = multiscopic.Rig.load(rig).match(method="sgm", **RANGE)
     metrics = multiscopic.evaluate(result.disparity, multiscopic.read_pfm(rig / "truth.pfm"), result.confidence)
     errors = ["rms", "avg_err", "bad_0_5", "bad_1", "bad_2", "coverage"]
     assert {name: metrics[name] for name in errors} == {name: record[name] for name in errors}

@@ -440,8 +440,8 @@ impl Display for Warning {
             Warning::NoDisparity => f.write_str("no pixel has a disparity: search another range, and filter less"),
             Warning::UnknownRange { searched } => write!(
                 f,
-                "too few corners of the centre are found in the other views to know the range of disparities, so {searched:?} was \
-                 searched"
+                "{}, so {searched:?} was searched",
+                Error::UnknownRange
             ),
             Warning::Swapped(views) => {
                 let names: Vec<String> = views.iter().map(View::to_string).collect();

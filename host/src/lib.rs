@@ -21,6 +21,7 @@
 //! | module | what it is |
 //! | --- | --- |
 //! | [`error`], [`progress`], `caught` | what every module reports: errors that name the file, progress, and panics of other crates |
+//! | `statistics` | medians and quantiles |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: pictures, maps of numbers, PLY, `rig.toml`; whole files or none |
 //! | [`lens`] | lens distortion, the calibration files that describe it, and images without it |
@@ -51,6 +52,7 @@ pub mod progress {
 }
 #[cfg(feature = "scene")]
 pub mod scene;
+mod statistics;
 pub mod stereo;
 pub mod target;
 

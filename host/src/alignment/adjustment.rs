@@ -13,13 +13,14 @@
 //!     lower the noise to the median residual, at most by half, so that all matches count at first
 //! ```
 //!
-//! Which of the unknowns are free is up to the priors: see `selection`.
+//! The priors say which of the unknowns are free: see `selection`.
 
 use multiscopic_core::View;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::view_geometry::{Direction, Projection, ViewModel};
+use crate::statistics::median;
 
 /// The number of parameters of a view.
 pub const LEN: usize = ViewModel::LEN;
@@ -87,7 +88,7 @@ impl Prior {
         information
     }
 
-    /// What all views share: the weights of each view's parameters in it, and its standard deviation.
+    /// The combinations that all views share: the weights of each view's parameters in it, and its standard deviation.
     fn shared(&self, views: &[View]) -> [(DVector<f64>, f64); 3] {
         let squares: f64 = views.iter().map(|&view| nominal(view).position.norm_squared()).sum();
         [
@@ -140,7 +141,7 @@ pub struct Adjustment {
     pub disparities: Vec<f64>,
     /// The scale of the residuals, in focal lengths.
     pub noise: f64,
-    /// What matches and priors lack, with the noise of the solution from which this one started.
+    /// The cost of matches and priors, with the noise of the solution from which this one started.
     pub cost: f64,
 }
 
@@ -248,13 +249,11 @@ impl Solver<'_> {
 
     /// The scale of the residuals: that of a normal distribution with their median.
     fn noise(&self, models: &[ViewModel], disparities: &[f64]) -> f64 {
-        let mut residuals: Vec<f64> = self.residuals(models, disparities).into_iter().map(|[x, y]| x.hypot(y)).collect();
+        let residuals: Vec<f64> = self.residuals(models, disparities).into_iter().map(|[x, y]| x.hypot(y)).collect();
         if residuals.is_empty() {
             return 1.0;
         }
-        let middle = residuals.len() / 2;
-        let (_, median, _) = residuals.select_nth_unstable_by(middle, f64::total_cmp);
-        (*median / 1.1774).max(1e-6)
+        (median(residuals) / 1.1774).max(1e-6)
     }
 
     /// The residuals of all matches.
@@ -286,7 +285,7 @@ impl Solver<'_> {
         self.residuals(models, disparities).into_iter().map(of_match).sum::<f64>() + prior.sum::<f64>() + shared.sum::<f64>()
     }
 
-    /// How far the parameters of all views are from their nominal values.
+    /// The distances of all views' parameters from their nominal values.
     pub fn off(&self, models: &[ViewModel]) -> DVector<f64> {
         let off = models.iter().zip(self.views).flat_map(|(model, &view)| {
             let [model, nominal] = [*model, nominal(view)].map(|model| SVector::from(model.to_array()));
@@ -362,7 +361,7 @@ impl Solver<'_> {
 }
 
 impl Row {
-    /// How the view's parameters and the point's disparity are tied.
+    /// The coupling of the view's parameters and the point's disparity.
     fn coupling(&self) -> SVector<f64, LEN> {
         self.by_model.transpose() * self.by_disparity * self.weight
     }
@@ -436,7 +435,7 @@ impl Solver<'_> {
         }
     }
 
-    /// Where the models let the views show each point, in focal lengths: in the order of the matches.
+    /// The places at which the models let the views show each point, in focal lengths: in the order of the matches.
     pub fn expected(&self, adjustment: &Adjustment) -> Vec<[f64; 2]> {
         let projections: Vec<Projection> = adjustment.models.iter().map(ViewModel::projection).collect();
         let of_point = |(point, &d): (&Point, &f64)| {

@@ -20,7 +20,6 @@ use super::{
     adjustment::{LEN, POSITION, Point, ROTATION, SCALE, SHIFT},
     inspection::{Inspection, suspicion},
     selection::{Group, Selection},
-    statistics::median,
     tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
     view_geometry::{Direction, EpipolarError, Map, Pinhole, ViewModel, common_rotation, common_rotation_with_deviation},
 };
@@ -29,6 +28,7 @@ use crate::{
     files::{AlignmentRecord, Residual},
     images::{Frames, Geometry, Picture},
     lens::Undistortion,
+    statistics::median,
 };
 
 /// The approximate number of corners.

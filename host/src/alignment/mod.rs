@@ -16,7 +16,6 @@
 //! | `adjustment` | bundle adjustment |
 //! | `selection` | the parameters that the images prove, and how certain they are |
 //! | `mounting` | the rotation of a camera against the stage that moves it: [`Mounting`] |
-//! | `statistics` | the median |
 //! | `inspection` | the properties of images before they are matched: [`Inspection`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
 
@@ -25,12 +24,10 @@ mod estimate;
 mod inspection;
 mod mounting;
 mod selection;
-mod statistics;
 mod tracking;
 mod view_geometry;
 
 pub use estimate::Alignment;
 pub use inspection::Inspection;
 pub use mounting::Mounting;
-pub(crate) use statistics::median;
 pub use view_geometry::{EpipolarError, across};

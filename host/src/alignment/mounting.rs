@@ -6,7 +6,6 @@ use nalgebra::Vector3;
 use super::{
     adjustment::adjust_moved,
     estimate::points,
-    statistics::median,
     tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
     view_geometry::{Direction, Pinhole, common_rotation_with_deviation},
 };
@@ -14,6 +13,7 @@ use crate::{
     error::{MountingError, Result},
     images::{Frames, Geometry},
     lens::Mount,
+    statistics::median,
 };
 
 /// The approximate number of corners.

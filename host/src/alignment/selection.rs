@@ -1,4 +1,4 @@
-//! What the images prove: each parameter stays at its nominal value unless it explains more than noise.
+//! The parameters that the images prove: each parameter stays at its nominal value unless it explains more than noise.
 //!
 //! ```text
 //! free the shifts, rolls, scales and lengths of baselines, and adjust: they differ in what they do to the matches
@@ -21,6 +21,7 @@ use super::{
     adjustment::{Adjustment, LEN, POSITION, Point, Prior, ROTATION, SCALE, SHIFT, Solver, shared_turn},
     view_geometry::{Direction, ViewModel},
 };
+use crate::statistics::quantile;
 
 /// The standard deviations of parameters that are free, as arms, slides and hands have them.
 const FREE: Prior =
@@ -70,9 +71,9 @@ impl Group {
         }
     }
 
-    /// What hardly changes disparities beside each other.
+    /// The groups that hardly change disparities beside each other.
     const HARMLESS: [Group; 4] = [Group::Shift, Group::Roll, Group::Scale, Group::Length];
-    /// What is easily taken for the others.
+    /// The groups that are easily taken for the others.
     const OTHERS: [Group; 4] = [Group::Turn, Group::SharedTurn, Group::Direction, Group::Ahead];
 
     /// The prior with this group free.
@@ -130,7 +131,7 @@ impl Group {
 #[derive(Clone, Debug)]
 pub struct Selection {
     pub adjustment: Adjustment,
-    /// What differs from the nominal views.
+    /// The groups that differ from the nominal views.
     pub proven: Vec<Group>,
     /// The models if all parameters are free: what the matches and the priors make likely.
     pub likely: Vec<ViewModel>,
@@ -241,12 +242,6 @@ fn differs(solver: &Solver, [a, b]: [&Adjustment; 2], group: Group) -> bool {
     }
     let distances = solver.expected(a).into_iter().zip(solver.expected(b)).map(|([x, y], [u, v])| (x - u).hypot(y - v));
     quantile(distances.collect(), UNMOVED) > least
-}
-
-/// The value that a share of all is below; 0 of nothing.
-fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
-    let below = (share * values.len() as f64) as usize;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(below, f64::total_cmp).1 }
 }
 
 /// Returns true if a group of an adjustment differs from its nominal values by more than chance.

@@ -97,29 +97,45 @@ fn find_nearby(
     range: &RangeInclusive<i16>,
 ) -> Option<[f64; 2]> {
     let top = center.levels.len() - 1;
-    let at_level = |at: f64, level: usize| ((at + 0.5) / f64::from(1 << level) - 0.5).round() as isize;
-    let patch = |level: usize| center.levels[level].patch(corner.map(|at| at_level(at as f64, level)));
     // Where matches lie, and around them the margin.
     let side = center.levels[0].width.max(center.levels[0].height);
     let margin = MARGIN * side as f64 + 2.0;
     let ends = [*range.start(), *range.end()].map(|d| view.shift(d));
-    let bounds = [(corner[0], ends.map(|(du, _)| du)), (corner[1], ends.map(|(_, dv)| dv))].map(|(at, [a, b])| {
+    let [columns, rows] = [(corner[0], ends.map(|(du, _)| du)), (corner[1], ends.map(|(_, dv)| dv))].map(|(at, [a, b])| {
         let level = |at: f64| at_level(at, top);
         level(at as f64 + f64::from(a.min(b)) - margin)..=level(at as f64 + f64::from(a.max(b)) + margin)
     });
-    let [columns, rows] = bounds;
-    let best = |level: usize, columns: RangeInclusive<isize>, rows: RangeInclusive<isize>| {
-        let patch = patch(level)?;
-        let candidates = rows.flat_map(|v| columns.clone().map(move |u| [u, v]));
-        let correlations = candidates.filter_map(|at| Some((neighbor.levels[level].correlation(&patch, at)?, at)));
-        correlations.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(correlation, _)| *correlation >= MIN_CORRELATION)
-    };
-    let (_, mut at) = best(top, columns, rows)?;
-    for level in (0..top).rev() {
+    let at = best([&center.levels[top], &neighbor.levels[top]], corner.map(|at| at_level(at as f64, top)), columns, rows)?;
+    to_largest([center, neighbor], corner, at)
+}
+
+/// The pixel of a level of a pyramid in which a place of its largest image is.
+pub fn at_level(at: f64, level: usize) -> isize {
+    ((at + 0.5) / f64::from(1 << level) - 0.5).round() as isize
+}
+
+/// The pixel nearest to the match of a corner, given the one in the smallest images.
+pub fn to_largest([center, neighbor]: [&Pyramid; 2], corner: [usize; 2], mut at: [isize; 2]) -> Option<[f64; 2]> {
+    for level in (0..center.levels.len() - 1).rev() {
         let [u, v] = at.map(|at| 2 * at);
-        (_, at) = best(level, u - 2..=u + 3, v - 2..=v + 3)?;
+        let here = corner.map(|at| at_level(at as f64, level));
+        at = best([&center.levels[level], &neighbor.levels[level]], here, u - 2..=u + 3, v - 2..=v + 3)?;
     }
     Some(at.map(|at| at as f64))
+}
+
+/// The place in some columns and rows of a view that is most like the pixels around a place of the centre.
+fn best(
+    [center, neighbor]: [&Level; 2],
+    here: [isize; 2],
+    columns: RangeInclusive<isize>,
+    rows: RangeInclusive<isize>,
+) -> Option<[isize; 2]> {
+    let patch = center.patch(here)?;
+    let candidates = rows.flat_map(|v| columns.clone().map(move |u| [u, v]));
+    let correlations = candidates.filter_map(|at| Some((neighbor.correlation(&patch, at)?, at)));
+    let (correlation, at) = correlations.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (correlation >= MIN_CORRELATION).then_some(at)
 }
 
 /// The match below a pixel, by least squares over the position, the contrast and the brightness (Lucas and Kanade, 1981), and
@@ -184,6 +200,8 @@ pub(super) fn refine(
 const CORNER_RADIUS: usize = 4;
 /// The least root mean square gradient of a corner, in any direction, in grey values per pixel.
 const MIN_CONTRAST: f32 = 2.0;
+/// The least share of its greatest mean square gradient that a corner has in every direction.
+const EDGE: f32 = 0.1;
 
 /// About `count` corners, spread over the image: in each cell of a grid the one whose least gradient, over all
 /// directions, is greatest (Shi and Tomasi, "Good features to track", 1994). None is closer to a border than `margin`.
@@ -208,7 +226,7 @@ pub fn corners(image: &GrayImage, count: usize, margin: usize) -> Vec<[usize; 2]
     corners
 }
 
-/// The lesser eigenvalue of the mean structure tensor around each pixel.
+/// The lesser eigenvalue of the mean structure tensor around each pixel, or 0 on an edge, along which matches slide.
 fn strengths(image: &GrayImage) -> Vec<f32> {
     let [width, height] = [image.width(), image.height()].map(|side| side as usize);
     let at = |u, v| extended_pixel(image, u, v);
@@ -219,7 +237,11 @@ fn strengths(image: &GrayImage) -> Vec<f32> {
         tensors.iter_mut().zip([x * x, x * y, y * y]).for_each(|(tensor, product)| tensor.push(product));
     }
     let [xx, xy, yy] = tensors.map(|tensor| box_means(&tensor, width, height));
-    let lesser = |((a, b), c): ((&f32, &f32), &f32)| (a + c - ((a - c).powi(2) + 4.0 * b * b).sqrt()) / 2.0;
+    let lesser = |((a, b), c): ((&f32, &f32), &f32)| {
+        let difference = ((a - c).powi(2) + 4.0 * b * b).sqrt();
+        let [lesser, greater] = [a + c - difference, a + c + difference];
+        if lesser >= EDGE * greater { lesser / 2.0 } else { 0.0 }
+    };
     xx.iter().zip(&xy).zip(&yy).map(lesser).collect()
 }
 

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::{
-    alignment::median,
     images::{DisparityMap, FloatImage, Geometry, ImageRegion},
+    statistics::median,
 };
 
 /// The differences of disparities between captures of the same scene: the median over the pixels of the standard deviation over

@@ -4,9 +4,9 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 use crate::{
-    alignment::median,
     error::{PlaneError, Result},
     images::{DisparityMap, Geometry, ImageRegion},
+    statistics::median,
 };
 
 /// The error in pixels above which a pixel is an outlier.

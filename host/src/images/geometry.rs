@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use multiscopic_core::Disparity;
 
 use super::{DisparityMap, FloatImage};
-use crate::error::Warning;
+use crate::{error::Warning, statistics::median};
 
 /// The angles that lenses see along the longer side of an image, in degrees.
 const VIEWS: RangeInclusive<f64> = 3.0..=150.0;
@@ -57,9 +57,8 @@ impl Geometry {
 
     /// Returns the median depth of a map in millimetres. `None` if no pixel has a depth.
     pub fn median_depth_mm(&self, map: &DisparityMap) -> Option<f64> {
-        let mut depths: Vec<f64> = map.pixels().iter().flatten().filter_map(|&d| self.depth(d)).collect();
-        let middle = depths.len() / 2;
-        (!depths.is_empty()).then(|| 1000.0 * *depths.select_nth_unstable_by(middle, f64::total_cmp).1)
+        let depths: Vec<f64> = map.pixels().iter().flatten().filter_map(|&d| self.depth(d)).collect();
+        (!depths.is_empty()).then(|| 1000.0 * median(depths))
     }
 
     /// Warns of a focal length that is none in pixels, and of a baseline that is none in millimetres, by the angle that the

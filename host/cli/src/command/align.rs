@@ -59,7 +59,7 @@ struct Findings {
     common_rotation_deg: [f64; 3],
     /// Its standard deviations; null where the views do not determine the angle.
     common_rotation_deviation_deg: [f64; 3],
-    /// What is taken out, and what the images do not show.
+    /// The sentences about the corrections, and about what the images do not show.
     summary: String,
     not_shown: Option<String>,
     center: Rectified,

@@ -11,8 +11,7 @@ use image::{ImageBuffer, Pixel};
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
 
-use super::super::statistics::median;
-use crate::images::Picture;
+use crate::{images::Picture, statistics::median};
 
 /// The noise of a mean, in grey values.
 const NOISE: f64 = 3.0;

@@ -14,7 +14,7 @@ use multiscopic_core::View;
 use rayon::prelude::*;
 
 use super::super::{
-    tracking::{Level, Match, Pyramid, RADIUS, corners, keep_consensus, refine},
+    tracking::{Level, Match, Pyramid, RADIUS, at_level, corners, keep_consensus, refine, to_largest},
     view_geometry::Direction,
 };
 use crate::images::InterpolatedImage;
@@ -158,19 +158,11 @@ impl Line {
 /// The pixel nearest to the match.
 fn nearby([center, neighbor]: [&Pyramid; 2], corner: [usize; 2], line: &Line) -> Option<[f64; 2]> {
     let top = center.levels.len() - 1;
-    let at_level = |level: usize| corner.map(|at| ((at as f64 + 0.5) / f64::from(1 << level) - 0.5).round() as isize);
-    let (levels, here) = ([&center.levels[top], &neighbor.levels[top]], at_level(top));
-    let mut at = Line::unique(levels, here, line.places(here))?;
+    let (levels, here) = ([&center.levels[top], &neighbor.levels[top]], corner.map(|at| at_level(at as f64, top)));
+    let at = Line::unique(levels, here, line.places(here))?;
     let back = Line::unique([levels[1], levels[0]], at, line.places(at))?;
     if (0..2).any(|axis| (back[axis] - here[axis]).abs() > 1) {
         return None;
     }
-    for level in (0..top).rev() {
-        let [u, v] = at.map(|at| 2 * at);
-        let patch = center.levels[level].patch(at_level(level))?;
-        let places = (v - 2..=v + 3).flat_map(|v| (u - 2..=u + 3).map(move |u| [u, v]));
-        let scores = places.filter_map(|place| Some((place, neighbor.levels[level].correlation(&patch, place)?)));
-        (at, _) = scores.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, score)| *score >= MIN_CORRELATION)?;
-    }
-    Some(at.map(|at| at as f64))
+    to_largest([center, neighbor], corner, at)
 }

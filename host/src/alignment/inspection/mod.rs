@@ -34,19 +34,18 @@ use self::{
     brightness::{Brightness, Sample, from_middle},
     correspondences::{Correspondence, SearchedCenter, inspected},
     sharpness::{blurred, white_share},
-    view_order::SeenView,
+    view_order::{MIN_POINTS, SeenView},
 };
-use super::{statistics::median, tracking::RADIUS};
+use super::tracking::RADIUS;
 use crate::{
     error::{Error, Result, Warning},
     files::CornerDisparities,
     images::Frames,
+    statistics::median,
 };
 
 /// The most by which the disparities of a corner in its views may differ, in pixels of the inspected images.
 const MAX_SPREAD: f64 = 1.5;
-/// The least number of corners from which anything is concluded.
-const MIN_POINTS: usize = 20;
 /// The corners nearby with the same disparity, themselves among them, without which disparities are mismatches.
 const MIN_SUPPORT: usize = 3;
 /// The distance to which corners are nearby, as a share of the image's larger side, and the disparities that are the same, in
@@ -99,7 +98,7 @@ pub struct Inspection {
     pub(crate) corner_error: f64,
     /// Views that show the scene moved the wrong way.
     pub(crate) swapped: Vec<View>,
-    /// What else is wrong with the views, the worst first.
+    /// The other faults of the views, the worst first.
     pub(crate) faults: Vec<Warning>,
     /// The brightness of the views that are not as bright as the centre.
     pub(crate) brightness: BTreeMap<View, Brightness>,
@@ -166,10 +165,13 @@ impl Inspection {
 
     /// Makes the views as bright as the centre.
     pub fn even(&self, frames: &mut Frames) {
-        for (&view, brightness) in &self.brightness {
-            if let Some(picture) = frames.picture(Frame::View(view)) {
-                *frames = frames.clone().with_picture(view, brightness.evened(picture));
-            }
+        if !self.brightness.is_empty() {
+            *frames = self.brightness.iter().fold(frames.clone(), |frames, (&view, brightness)| {
+                match frames.picture(Frame::View(view)) {
+                    Some(picture) => frames.with_picture(view, brightness.evened(picture)),
+                    None => frames,
+                }
+            });
         }
     }
 
@@ -181,8 +183,9 @@ impl Inspection {
         let small = inspected(center);
         let factor = f64::from(center.width()) / f64::from(small.width());
         let searched = SearchedCenter::new(&small);
+        let small_views: Vec<GrayImage> = neighbors.iter().map(|(_, image)| inspected(image)).collect();
         let seen: Vec<SeenView> =
-            neighbors.iter().map(|&(view, image)| SeenView::new(&searched, view, &inspected(image))).collect();
+            neighbors.iter().zip(&small_views).map(|((view, _), small)| SeenView::new(&searched, *view, small)).collect();
 
         let agreed = agreed_places(&searched, &seen);
         let scale = [center.width() as f64 / f64::from(small.width()), center.height() as f64 / f64::from(small.height())];
@@ -193,8 +196,8 @@ impl Inspection {
         corners.sort_unstable_by(f64::total_cmp);
 
         let copies: Vec<View> = neighbors.iter().filter(|(_, image)| *image == center).map(|(view, _)| *view).collect();
-        let brightness = neighbors.iter().zip(&seen).filter_map(|(&(view, image), seen)| {
-            Some((view, Brightness::fit(&samples(&small, &inspected(image), &searched.corners, &seen.found))?))
+        let brightness = seen.iter().zip(&small_views).filter_map(|(seen, view)| {
+            Some((seen.view, Brightness::fit(&samples(&small, view, &searched.corners, &seen.found))?))
         });
         let brightness: BTreeMap<View, Brightness> = brightness.collect();
         let all = [(Frame::Center, center)].into_iter().chain(neighbors.iter().map(|&(view, image)| (Frame::View(view), image)));

@@ -20,7 +20,7 @@ use multiscopic::{
         write_inputs,
     },
 };
-use multiscopic_core::{Frame, SearchSpace};
+use multiscopic_core::{Disparity, Frame, SearchSpace};
 use serde::{Deserialize, Serialize};
 
 use self::outputs::Outputs;
@@ -36,7 +36,7 @@ use super::{
 use crate::report::{Report, ViewedMap, ViewedScene};
 
 /// The largest disparity that can be searched, in pixels.
-const MOST_DISPARITY: usize = 511;
+const MOST_DISPARITY: usize = Disparity::MAX_SEARCH as usize;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]

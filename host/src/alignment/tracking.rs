@@ -1,7 +1,8 @@
 //! Finding the corners of the centre in a view, by an image at half its size, and again, to search over long distances.
 //!
 //! ```text
-//! corners:        in each cell of a grid, the pixel whose least gradient over all directions is greatest (Shi and Tomasi)
+//! corners:        in each cell of a grid, the pixel whose least gradient over all directions is greatest (Shi and Tomasi), unless
+//!                 it is on an edge, along which matches slide
 //! find:           at the coarsest level of the pyramid, correlate the patch with every place in the range and its margin
 //!                 at each finer level, with the 6x6 places around twice the best
 //!                 refine the best below a pixel
@@ -23,7 +24,7 @@ use super::view_geometry::Direction;
 use crate::images::{InterpolatedImage, extended_pixel};
 
 /// The least correlation of a corner with its match.
-const MIN_CORRELATION: f32 = 0.8;
+pub const MIN_CORRELATION: f32 = 0.8;
 /// The distance to which a match is searched outside the range of disparities, as a share of the image's larger side: rotations
 /// of a degree and more shift a view by as much.
 const MARGIN: f64 = 0.06;
@@ -204,7 +205,7 @@ const MIN_CONTRAST: f32 = 2.0;
 const EDGE: f32 = 0.1;
 
 /// About `count` corners, spread over the image: in each cell of a grid the one whose least gradient, over all
-/// directions, is greatest (Shi and Tomasi, "Good features to track", 1994). None is closer to a border than `margin`.
+/// directions, is greatest (Shi and Tomasi, "Good features to track", 1994). None is on an edge, or closer to a border than `margin`.
 pub fn corners(image: &GrayImage, count: usize, margin: usize) -> Vec<[usize; 2]> {
     let [width, height] = [image.width(), image.height()].map(|side| side as usize);
     let margin = margin.max(CORNER_RADIUS + 1);

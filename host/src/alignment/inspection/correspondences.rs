@@ -14,15 +14,13 @@ use multiscopic_core::View;
 use rayon::prelude::*;
 
 use super::super::{
-    tracking::{Level, Match, Pyramid, RADIUS, at_level, corners, keep_consensus, refine, to_largest},
+    tracking::{Level, MIN_CORRELATION, Match, Pyramid, RADIUS, at_level, corners, keep_consensus, refine, to_largest},
     view_geometry::Direction,
 };
 use crate::images::InterpolatedImage;
 
 /// The distance to which matches are searched along the baseline, to both sides, as a share of the image's side.
 const REACH: f64 = 0.4;
-/// The least correlation of a corner with its match.
-const MIN_CORRELATION: f32 = 0.8;
 /// The lead of a match: its correlation less that of any other place.
 const MIN_LEAD: f32 = 0.03;
 /// Places this near to a match are not others, in pixels of the smallest images.

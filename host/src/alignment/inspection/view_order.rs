@@ -31,10 +31,11 @@ const SWAPPED: f64 = 0.7;
 const MIN_SWAPPED: f64 = 0.15;
 /// Disparities around 0 whose side is left to chance, in pixels of the inspected images.
 const NO_SIDE: f64 = 1.5;
-/// The distance off the baseline of the worst tenth of corners, or the worst few, from which on a view is off, in pixels of the
-/// image, or of the inspected image where these are larger.
+/// The distance off the baseline of the worst tenth of corners from which on a view is off, in pixels of the image, or of
+/// the inspected image where these are larger.
 const MAX_ACROSS: (f64, f64) = (1.0, 0.7);
-const FEW_OFF: usize = 10;
+/// The least number of corners that show it: fewer are mismatches.
+const MIN_OFF: usize = 10;
 /// The share of the motion across the baseline that a view along the other axis has along it.
 const MAX_ALONG: f64 = 0.35;
 
@@ -105,7 +106,7 @@ impl SeenView {
         };
         let mut across: Vec<f64> = self.found.iter().flatten().map(|found| found.across.abs()).collect();
         across.sort_unstable_by(f64::total_cmp);
-        let off_px = factor * across[across.len().saturating_sub(FEW_OFF.max(across.len() / 10))];
+        let off_px = factor * across[across.len().saturating_sub(MIN_OFF.max(across.len() / 10))];
         let (least, of_pixel) = MAX_ACROSS;
         if off_px <= f64::max(least, of_pixel * factor) {
             return None;

@@ -465,13 +465,13 @@ fn whatever_the_machine_says_it_goes_where_it_is_sent() {
     assert!(tallies.iter().all(|[opened, moves]| *opened > 20 && *moves > 10), "{tallies:?}");
 }
 
-/// A conversation with two moves. Orders that an honest machine follows without time-outs, so that patience on a busy
-/// system takes no time.
-fn two_moves(machine: LyingMachine) -> Result<Outcome, TestCaseError> {
+/// A conversation with two moves, of which the second is ordered when the first has ended, or stops it. Orders that an
+/// honest machine follows without time-outs, so that patience on a busy system takes no time.
+fn two_moves(machine: LyingMachine, is_first_ended: bool) -> Result<Outcome, TestCaseError> {
     let at = |x_um, y_um| Order::MoveTo(Position { x_um, y_um });
-    let (first, second) = (at(300, -200), at(-20_000, 40_000));
-    let [wait, has_arrived, position, stop] = [Order::Wait(5), Order::HasArrived, Order::Position, Order::Stop];
-    let orders = [first, wait, has_arrived.clone(), has_arrived, position.clone(), second, stop, position];
+    let first_ends = [Order::Wait(5), Order::HasArrived, Order::HasArrived, Order::Position];
+    let between = if is_first_ended { &first_ends[..] } else { &[] };
+    let orders = [&[at(300, -200)][..], between, &[at(-20_000, 40_000), Order::Stop, Order::Position]].concat();
     converse(machine, &orders, &limits(3000))
 }
 
@@ -479,7 +479,7 @@ fn two_moves(machine: LyingMachine) -> Result<Outcome, TestCaseError> {
 #[test]
 fn the_port_may_end_at_every_byte() {
     for firmware in FIRMWARES {
-        let unplugged_after = |count| two_moves(LyingMachine::new(firmware, vec![], 64, count));
+        let unplugged_after = |count| two_moves(LyingMachine::new(firmware, vec![], 64, count), true);
         let whole = unplugged_after(usize::MAX).unwrap();
         assert!(whole.is_open && whole.moves == 2, "{firmware:?}: {whole:?}");
         let Outcome { read_at_first, read, .. } = whole;
@@ -499,11 +499,12 @@ fn the_port_may_end_at_every_byte() {
 fn a_restart_ends_all_moves() {
     const ANSWERS: usize = 25;
     let restarts = FIRMWARES.into_iter().flat_map(|firmware| ["", "X:1"].map(|broken| (firmware, broken)));
-    let cases: Vec<_> = restarts.flat_map(|(firmware, broken)| (0..ANSWERS).map(move |at| (firmware, broken, at))).collect();
-    let moves = cases.into_par_iter().map(|(firmware, broken, at)| {
+    let kinds = restarts.flat_map(|(firmware, broken)| [false, true].map(|is_ended| (firmware, broken, is_ended)));
+    let cases: Vec<_> = kinds.flat_map(|kind| (0..ANSWERS).map(move |at| (kind, at))).collect();
+    let moves = cases.into_par_iter().map(|((firmware, broken, is_ended), at)| {
         let sayings = vec![Saying::Truth; at].into_iter().chain([Saying::Restart(broken)]).collect();
-        let outcome = two_moves(LyingMachine::new(firmware, sayings, 64, usize::MAX));
-        outcome.unwrap_or_else(|error| panic!("{firmware:?}, {at} answers, {broken:?}: {error}")).moves
+        let outcome = two_moves(LyingMachine::new(firmware, sayings, 64, usize::MAX), is_ended);
+        outcome.unwrap_or_else(|error| panic!("{firmware:?}, {broken:?}, {is_ended}, {at} answers: {error}")).moves
     });
     let moves: Vec<_> = moves.collect();
     // Of each kind, some restart too early, some in between, and some too late to prevent a move.

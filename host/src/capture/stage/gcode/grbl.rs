@@ -57,10 +57,11 @@ impl<P: Read + Write> Stage for Grbl<P> {
 
     fn move_to(&mut self, position: Position) -> Result<(), StageError> {
         self.limits.check_reach(position)?;
-        self.link.check_not_restarted()?;
         if self.current_move.is_some_and(|current| !current.is_done) {
             self.stop()?;
         }
+        // Only now: a restart may be among what is read while the machine stops.
+        self.link.check_not_restarted()?;
         let status = self.link.status()?;
         self.link.check_state(&status, &["Idle", "Run"])?;
         let target = to_machine(self.start, position);

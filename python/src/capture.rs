@@ -102,9 +102,7 @@ impl Capture {
             let setup = self.prepare(&mut frames, options)?;
             let search = setup.search;
             let method = options.method(&frames)?;
-            if !method.needs_color() {
-                frames = frames.without_color();
-            }
+            frames = setup.inspection.frames_for(&method, frames);
             let engine = options.engine()?;
             let (mut map, confidences) = match (options.prior(), options.has_confidence()) {
                 (Some(prior), _) => (method.disparities_around(&engine, &frames, prior.clone(), progress)?, None),

@@ -151,6 +151,15 @@ impl Method {
         counts_in_blocks || self.refinement.texture.is_some()
     }
 
+    /// Returns true if its costs are differences of brightness, so that a view must be as bright as the centre in every part.
+    pub fn compares_brightness(&self) -> bool {
+        match self.pipeline {
+            Pipeline::BlockMatching { .. } | Pipeline::GraphCuts { .. } => true,
+            Pipeline::SemiGlobal { cost, .. } => matches!(cost, CostFunction::Sad { .. }),
+            Pipeline::McCnn { .. } | Pipeline::Network(_) => false,
+        }
+    }
+
     /// Returns true if the method looks at colours, where frames have them.
     pub fn needs_color(&self) -> bool {
         let sees_color = match self.pipeline {

@@ -57,26 +57,23 @@ impl MethodName {
     /// If the weights of MC-CNN are not installed.
     pub fn method(self, block_size: Option<u8>, views: usize) -> Result<Method> {
         let block_size = block_size.unwrap_or(Method::DEFAULT_BLOCK_SIZE);
-        Ok(match self {
+        let refinement = Refinement { occlusions: (views == 1).then_some(OcclusionFill), ..Refinement::NONE };
+        let method = match self {
             MethodName::Bm => Method::block_matching(block_size),
             MethodName::Gc => {
                 let cuts = GraphCuts { start_block_size: block_size, ..GraphCuts::default() };
                 Method::new(Pipeline::GraphCuts { cost: BirchfieldTomasi { color: true }, cuts })
             }
             MethodName::Sgm => SemiGlobalMethod::default().method(views)?,
-            MethodName::MccnnFast => mc_cnn(Architecture::Fast, Penalties::FAST)?,
-            MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate, Penalties::ACCURATE)?,
+            MethodName::MccnnFast => return mc_cnn(Architecture::Fast, Penalties::FAST),
+            MethodName::MccnnAccurate => return mc_cnn(Architecture::Accurate, Penalties::ACCURATE),
             MethodName::Net => {
                 let net = Method::net();
-                net.clone().with_refinement(Refinement {
-                    margin: SearchMargin::NETWORK,
-                    sub_pixel: Some(LucasKanade),
-                    repair: Some(net.smoother()),
-                    occlusions: (views == 1).then_some(OcclusionFill),
-                    ..Refinement::NONE
-                })
+                let (margin, repair) = (SearchMargin::NETWORK, Some(net.smoother()));
+                return Ok(net.with_refinement(Refinement { margin, sub_pixel: Some(LucasKanade), repair, ..refinement }));
             }
-        })
+        };
+        Ok(method.with_refinement(refinement))
     }
 }
 

@@ -146,7 +146,8 @@ impl View {
             let method = self.options.method(name, self.search.block_size, views.len())?;
             let search = preparation.search;
             let start = Instant::now();
-            let (mut disparities, mut confidences) = method.disparities_and_confidences(&engine, &frames, &search, &())?;
+            let seen = preparation.inspection.frames_for(&method, frames.clone());
+            let (mut disparities, mut confidences) = method.disparities_and_confidences(&engine, &seen, &search, &())?;
             let seconds = start.elapsed().as_secs_f64();
             mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
             for warning in advice::warnings(&preparation, &disparities, &search) {

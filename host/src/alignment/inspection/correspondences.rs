@@ -33,11 +33,15 @@ const CORNERS: usize = 450;
 
 /// The image at the size at which it is inspected.
 pub fn inspected(image: &GrayImage) -> GrayImage {
-    let factor = image.width().max(image.height()).div_ceil(SIDE).max(1);
-    match factor {
+    match shrinking_factor(image.width(), image.height()) {
         1 => image.clone(),
-        _ => imageops::thumbnail(image, (image.width() / factor).max(1), (image.height() / factor).max(1)),
+        factor => imageops::thumbnail(image, (image.width() / factor).max(1), (image.height() / factor).max(1)),
     }
+}
+
+/// The factor by which images of this size are shrunk before they are inspected.
+pub fn shrinking_factor(width: u32, height: u32) -> u32 {
+    width.max(height).div_ceil(SIDE).max(1)
 }
 
 /// The image of the centre, and its corners.

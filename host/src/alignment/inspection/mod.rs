@@ -17,10 +17,12 @@
 //! | `correspondences` | the corners of the centre in a view |
 //! | `view_order` | views that are the wrong way round, swapped, or off their baselines |
 //! | `brightness` | the brightness of a view beside the centre's: [`Brightness`] |
+//! | `local_gain` | the gains of a view in small parts of the image |
 //! | `sharpness` | blurred images and white pixels |
 
 mod brightness;
 mod correspondences;
+mod local_gain;
 mod sharpness;
 mod view_order;
 
@@ -42,6 +44,7 @@ use crate::{
     files::CornerDisparities,
     images::Frames,
     statistics::median,
+    stereo::Method,
 };
 
 /// The most by which the disparities of a corner in its views may differ, in pixels of the inspected images.
@@ -163,16 +166,25 @@ impl Inspection {
         copies.chain(swapped).chain(self.faults.iter().cloned()).chain(blurred).chain(flat).collect()
     }
 
-    /// Makes the views as bright as the centre.
+    /// Makes the views as bright as the centre, by gains that change evenly over the image.
     pub fn even(&self, frames: &mut Frames) {
-        if !self.brightness.is_empty() {
-            *frames = self.brightness.iter().fold(frames.clone(), |frames, (&view, brightness)| {
-                match frames.picture(Frame::View(view)) {
-                    Some(picture) => frames.with_picture(view, brightness.evened(picture)),
-                    None => frames,
-                }
-            });
+        for (&view, brightness) in &self.brightness {
+            if let Some(picture) = frames.picture(Frame::View(view)) {
+                *frames = frames.clone().with_picture(view, brightness.evened(picture));
+            }
         }
+    }
+
+    /// The evened frames as a method takes them: without colours that it does not look at, and as bright as the centre in every
+    /// small part, if it compares brightness. Other methods would lose by that, since these gains are wrong in places.
+    pub fn frames_for(&self, method: &Method, frames: Frames) -> Frames {
+        let frames = if method.needs_color() { frames } else { frames.without_color() };
+        let (Some(range), true) = (self.shown_range(), method.compares_brightness()) else { return frames };
+        let center = frames.picture(Frame::Center).expect("frames always have a centre");
+        self.brightness.keys().fold(frames, |frames, &view| match frames.picture(Frame::View(view)) {
+            Some(picture) => frames.with_picture(view, local_gain::evened(&center, view, picture, &range)),
+            None => frames,
+        })
     }
 
     /// Inspects `frames`, at a smaller size if they are large.

@@ -64,8 +64,8 @@ impl<'a> LiveRecording<'a> {
             None => center,
         };
         let (method, search) = (MethodName::Bm.method(self.search.block_size, views.len())?, preparation.search);
-        let (mut disparities, mut confidences) =
-            method.disparities_and_confidences(&self.engine, &frames.without_color(), &search, &())?;
+        let frames = preparation.inspection.frames_for(&method, frames);
+        let (mut disparities, mut confidences) = method.disparities_and_confidences(&self.engine, &frames, &search, &())?;
         mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
         let range = [search.min_disparity(), search.max_disparity()];
         let recording = RosRecording {

@@ -31,8 +31,6 @@ use crate::{
 pub struct TunedRig {
     folder: PathBuf,
     frames: Frames,
-    /// Without colours, as `match` matches them if colours do not matter.
-    gray: Frames,
     undistortion: Option<Undistortion>,
     inspection: Inspection,
     scene: ViewedScene,
@@ -78,7 +76,7 @@ impl TunedRig {
             .with_geometry(geometry.as_ref())
             .with_frames(&frames, frames.color(Frame::Center))
             .with_truth(truth.as_ref());
-        Ok(TunedRig { folder: folder.into(), gray: frames.clone().without_color(), frames, undistortion, inspection, scene })
+        Ok(TunedRig { folder: folder.into(), frames, undistortion, inspection, scene })
     }
 
     /// Its folder.
@@ -105,10 +103,10 @@ impl TunedRig {
 
     /// Matches it.
     pub fn run(&self, plan: &TunedMatch, engine: &Engine, progress: &dyn Progress) -> Result<(DisparityMap, ConfidenceMap, f64)> {
-        let frames = if plan.method.needs_color() { &self.frames } else { &self.gray };
         let start = Instant::now();
+        let frames = self.inspection.frames_for(&plan.method, self.frames.clone());
         let (mut disparities, mut confidences) =
-            plan.method.disparities_and_confidences(engine, frames, &plan.search, progress)?;
+            plan.method.disparities_and_confidences(engine, &frames, &plan.search, progress)?;
         mask_unseen(self.undistortion.as_ref(), &mut disparities, Some(&mut confidences));
         Ok((disparities, confidences, start.elapsed().as_secs_f64()))
     }

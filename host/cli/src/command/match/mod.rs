@@ -179,9 +179,7 @@ impl Match {
             write_inputs(&Inputs::new(&frames.planes(), &search, engine, &())?, folder)?;
         }
         let color = frames.color(Frame::Center).filter(|_| outputs.report.is_some()).cloned();
-        if !method.needs_color() {
-            frames = frames.without_color();
-        }
+        frames = preparation.inspection.frames_for(&method, frames);
         say_if_much("matching", method.bytes(&search, &frames));
         let watch = Watch::new();
         let start = Instant::now();

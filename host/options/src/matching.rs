@@ -142,20 +142,20 @@ impl MethodOptions {
             return Ok(());
         }
         let names = names.iter().map(Named::name).collect::<Vec<_>>().join(", ");
-        let with_blocks = "bm, gc, sgm with --cost sad, and --texture-threshold";
+        let with_blocks = "bm, sgm with --cost sad, and --texture-threshold";
         Err(Error::Usage(format!("--block-size has no effect on {names} as it is here: it is for {with_blocks}")))
     }
 
     fn has_blocks(&self, name: MethodName) -> bool {
         match name {
-            MethodName::Bm | MethodName::Gc => true,
+            MethodName::Bm => true,
             MethodName::Sgm => self.semi_global.has_blocks(),
-            MethodName::MccnnFast | MethodName::MccnnAccurate | MethodName::Net => false,
+            MethodName::Gc | MethodName::MccnnFast | MethodName::MccnnAccurate | MethodName::Net => false,
         }
     }
 
-    /// Returns the method with these options, for a match in a number of `views`. `block_size` is that of block matching, with
-    /// which graph cuts start, and of sums of absolute differences, if one was asked for.
+    /// Returns the method with these options, for a match in a number of `views`. `block_size` is that of block matching,
+    /// and of sums of absolute differences, if one was asked for.
     ///
     /// # Errors
     /// If a parameter is out of its range, or the weights of MC-CNN are not installed.
@@ -165,7 +165,7 @@ impl MethodOptions {
         let block_size_or_default = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
         let pipeline = match method.pipeline {
             Pipeline::GraphCuts { .. } => {
-                let cuts = graph_cuts.graph_cuts(block_size_or_default);
+                let cuts = graph_cuts.graph_cuts();
                 Pipeline::GraphCuts { cost: graph_cuts.cost(), cuts }
             }
             Pipeline::SemiGlobal { .. } => semi_global.with_block_size(block_size).method(views)?.pipeline,

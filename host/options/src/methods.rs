@@ -110,8 +110,8 @@ impl GraphCutsOptions {
         BirchfieldTomasi { color: !self.gray }
     }
 
-    /// Returns the optimizer, which starts from block matching with blocks of `start_block_size`.
-    pub(crate) fn graph_cuts(&self, start_block_size: u8) -> GraphCuts {
+    /// Returns the optimizer.
+    pub(crate) fn graph_cuts(&self) -> GraphCuts {
         let default = GraphCuts::default();
         GraphCuts {
             occlusion: self.occlusion_cost.unwrap_or(default.occlusion),
@@ -120,7 +120,7 @@ impl GraphCutsOptions {
             lambda: [self.lambda1, self.lambda2],
             threshold: self.theta,
             cutoff: self.cutoff,
-            start_block_size,
+            reach: default.reach,
             sweeps: self.sweeps,
             seed: self.seed,
             refine: !self.no_refine,

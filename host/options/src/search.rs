@@ -56,7 +56,7 @@ impl SearchOptions {
         Entry::slider("num-disparities", "Number of disparities", [2.0, 256.0, 1.0], 60.0, Unset::Never),
         Entry::slider("block-size", "Block size", [1.0, 21.0, 2.0], 11.0, Unset::Default).if_(|settings| {
             match method(settings) {
-                "bm" | "gc" => true,
+                "bm" => true,
                 "sgm" if settings.get("cost").is_some_and(|cost| cost == "sad") => true,
                 _ => settings.contains_key("texture-threshold"),
             }

@@ -144,9 +144,9 @@ impl Method {
     /// Returns true if any step counts in blocks, so that a block size has an effect.
     pub fn has_blocks(&self) -> bool {
         let counts_in_blocks = match self.pipeline {
-            Pipeline::BlockMatching { .. } | Pipeline::GraphCuts { .. } => true,
+            Pipeline::BlockMatching { .. } => true,
             Pipeline::SemiGlobal { cost, .. } => matches!(cost, CostFunction::Sad { .. }),
-            Pipeline::McCnn { .. } | Pipeline::Network(_) => false,
+            Pipeline::GraphCuts { .. } | Pipeline::McCnn { .. } | Pipeline::Network(_) => false,
         };
         counts_in_blocks || self.refinement.texture.is_some()
     }

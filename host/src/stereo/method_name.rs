@@ -5,13 +5,10 @@ use multiscopic_core::{Census, PathPenalties};
 use super::{
     Paths, SemiGlobal,
     aggregation::{Aggregation, SupportRegion},
-    cost::{
-        BirchfieldTomasi,
-        mccnn::{Architecture, Network},
-    },
+    cost::mccnn::{Architecture, Network},
     cost_function::CostName,
     method::{Method, Pipeline},
-    optimization::{edge_aware::Penalties, graph_cuts::GraphCuts},
+    optimization::edge_aware::Penalties,
     refinement::{LucasKanade, OcclusionFill, Refinement, SearchMargin},
 };
 use crate::error::Result;
@@ -51,19 +48,15 @@ impl MethodName {
     }
 
     /// The method with its defaults, for matches in a number of `views` at the shortest baseline. `block_size` is that of block
-    /// matching, with which graph cuts start: [`DEFAULT_BLOCK_SIZE`](Method::DEFAULT_BLOCK_SIZE) if it is `None`.
+    /// matching: [`DEFAULT_BLOCK_SIZE`](Method::DEFAULT_BLOCK_SIZE) if it is `None`.
     ///
     /// # Errors
     /// If the weights of MC-CNN are not installed.
     pub fn method(self, block_size: Option<u8>, views: usize) -> Result<Method> {
-        let block_size = block_size.unwrap_or(Method::DEFAULT_BLOCK_SIZE);
         let refinement = Refinement { occlusions: (views == 1).then_some(OcclusionFill), ..Refinement::NONE };
         let method = match self {
-            MethodName::Bm => Method::block_matching(block_size),
-            MethodName::Gc => {
-                let cuts = GraphCuts { start_block_size: block_size, ..GraphCuts::default() };
-                Method::new(Pipeline::GraphCuts { cost: BirchfieldTomasi { color: true }, cuts })
-            }
+            MethodName::Bm => Method::block_matching(block_size.unwrap_or(Method::DEFAULT_BLOCK_SIZE)),
+            MethodName::Gc => Method::graph_cuts(),
             MethodName::Sgm => SemiGlobalMethod::default().method(views)?,
             MethodName::MccnnFast => return mc_cnn(Architecture::Fast, Penalties::FAST),
             MethodName::MccnnAccurate => return mc_cnn(Architecture::Accurate, Penalties::ACCURATE),

@@ -127,7 +127,6 @@ impl Case {
             lambda: [Some(a + b), Some(b)],
             threshold: 1 + random.below(12) as u8,
             cutoff: 1 + random.below(4) as u16,
-            start_block_size: 1,
             ..GraphCuts::default()
         };
         let (least, count) = (random.below(5) as i16 - 3, 1 + random.below(6) as u16);
@@ -292,7 +291,7 @@ fn the_result_cannot_be_improved_by_a_move() {
         let run = |seed: u64, threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut labelling = Labelling::new(&energy, start.clone());
-            pool.install(|| labelling.minimize(&labels, 100, seed, &()));
+            pool.install(|| labelling.minimize(&labels, u16::MAX, 100, seed, &()));
             labelling
         };
         let mut labelling = run(7, 1);
@@ -303,6 +302,34 @@ fn the_result_cannot_be_improved_by_a_move() {
             assert!(labelling.expand(label, |_, _| true).is_empty(), "case {case}: {label} is of use");
         }
     }
+}
+
+/// With a reach, no move of pixels near a start of a similar label lowers the energy, and far from all of them none is made.
+#[test]
+fn a_reach_leaves_no_move_near_the_start() {
+    let mut random = Random(6);
+    let mut far = 0;
+    for case in 0..60 {
+        let made = Case::random(&mut random, 24);
+        let energy = Energy::new(&made.method, COLOR, &made.frames, &made.search);
+        let [width, height] = [made.search.width(), made.search.height()];
+        let labels: Vec<Label> = made.labels().collect();
+        // Patches of one label, larger than what is near.
+        let patches: Vec<Label> = (0..4).map(|_| labels[random.below(labels.len())]).collect();
+        let start: Vec<Label> = (0..width * height).map(|i| patches[(i % width / 12 + 2 * (i / width / 12)) % 4]).collect();
+        let reach = random.below(3) as u16;
+        let near = |label: Label, u: usize, v: usize| {
+            let around = |at: usize, side: usize| (at / 4 * 4).saturating_sub(4)..(at / 4 * 4 + 8).min(side);
+            around(v, height).any(|v| around(u, width).any(|u| start[v * width + u].abs_diff(label) <= reach))
+        };
+        let mut labelling = Labelling::new(&energy, start.clone());
+        labelling.minimize(&labels, reach, 100, 7, &());
+        for &label in &labels {
+            assert!(labelling.expand(label, |u, v| near(label, u, v)).is_empty(), "case {case}: {label} is of use");
+            far += (0..width * height).filter(|i| !near(label, i % width, i / width)).count();
+        }
+    }
+    assert!(far > 1000, "{far} trials are left out");
 }
 
 #[test]
@@ -338,7 +365,7 @@ fn bands_do_not_depend_on_threads() {
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut labelling = Labelling::new(&energy, start.clone());
-            pool.install(|| labelling.minimize(&labels, 100, 7, &()));
+            pool.install(|| labelling.minimize(&labels, u16::MAX, 100, 7, &()));
             labelling
         };
         let (alone, mut together) = (run(1), run(4));
@@ -424,7 +451,7 @@ fn enlarged_images_give_sub_pixel_disparities() {
         .unwrap();
     let engine = Engine::new(None, 1).unwrap();
     let map = |upsample: u8| {
-        let method = GraphCuts { upsample, refine: false, start_block_size: 7, ..GraphCuts::default() };
+        let method = GraphCuts { upsample, refine: false, ..GraphCuts::default() };
         method.disparities(COLOR, &engine, &frames, &search, &())
     };
     let error = |upsample: u8| {
@@ -470,7 +497,7 @@ fn several_views_match_what_one_cannot() {
     let wrong = |views: Views| {
         let search =
             SearchConfig { views, fusion: Fusion::Min, num_disparities: 9, ..SearchConfig::of_size(64, 56) }.checked().unwrap();
-        let cuts = GraphCuts { fill: false, start_block_size: 5, ..GraphCuts::default() };
+        let cuts = GraphCuts { fill: false, ..GraphCuts::default() };
         let method = Method::new(Pipeline::GraphCuts { cost: COLOR, cuts });
         let map = method.disparities(&engine, &frames, &search, &()).unwrap();
         let truth = |i: usize| if near((i % 64) as i32, (i / 64) as i32) { 6.0 } else { 2.0 };

@@ -26,13 +26,14 @@ mod max_flow;
 mod parameters;
 mod sub_pixel;
 
-use multiscopic_core::{BlockMatchingParams, SearchSpace};
+use multiscopic_core::{Census, SearchSpace, SemiGlobalCost};
+use multiscopic_engine::sgm::SemiGlobal;
 
 use crate::{
     error::{Error, Result},
     images::{DisparityMap, Frames},
     progress::Progress,
-    stereo::{Engine, cost::BirchfieldTomasi, refinement::fill_lines},
+    stereo::{Engine, cost::BirchfieldTomasi, cost_function::CostFunction, refinement::fill_lines},
 };
 
 use energy::MatchedImage;
@@ -73,12 +74,11 @@ impl GraphCuts {
             let message = format!("matches cannot be unique in {views} views: use one neighbour, or capped occlusions");
             return Err(Error::Usage(message));
         }
-        let params = BlockMatchingParams::block_matching(*search, self.start_block_size)?;
         match self.upsample {
-            1 => self.minimize(cost, engine, frames, &params, progress),
+            1 => self.minimize(cost, engine, frames, search, progress),
             times @ 2..=GraphCuts::MAX_UPSAMPLE => {
                 engine.check(&frames.planes(), search)?;
-                let enlarged = sub_pixel::enlarged_params(&params, times)?;
+                let enlarged = sub_pixel::enlarged_search(search, times)?;
                 let map = self.minimize(cost, engine, &sub_pixel::enlarged_frames(frames, search, times), &enlarged, progress)?;
                 Ok(sub_pixel::reduced(&map, times))
             }
@@ -89,23 +89,29 @@ impl GraphCuts {
         }
     }
 
-    /// The disparities of least energy, without enlarging. The initial labels come from block matching with
-    /// `params`.
+    /// The disparities of least energy, without enlarging. The initial labels come from semi-global matching of the census.
     fn minimize(
         &self,
         cost: BirchfieldTomasi,
         engine: &Engine,
         frames: &Frames,
-        params: &BlockMatchingParams,
+        search: &SearchSpace,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
-        let search = params.search();
-        let start = engine.disparities(&frames.planes(), params, &|| ())?;
+        let planes = frames.planes();
+        engine.check(&planes, search)?;
+        let census = Census::Window9x7;
+        let paths = SemiGlobal::default_for(SemiGlobalCost::Census(census), search.views().len());
+        let costs = CostFunction::Census(census).rows(frames, search, engine)?;
+        let (start, _) = paths.optimize(&*costs, planes.center(), engine, false, None, &());
+        drop(costs);
         let energy = Energy::new(self, cost, frames, search);
         let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| f32::from(d).round() as Label));
         let mut labelling = Labelling::new(&energy, start.collect());
         let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
-        engine.install(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
+        let reach = self.reach.unwrap_or(GraphCuts::default_reach(search.views().len()));
+        let reach = reach.saturating_mul(self.upsample.into());
+        engine.install(|| labelling.minimize(&labels, reach, self.sweeps, self.seed, progress));
         let labels: Vec<Label> = labelling.labels().collect();
         let range = [search.min_disparity(), search.max_disparity()];
         let disparities = match self.refine {

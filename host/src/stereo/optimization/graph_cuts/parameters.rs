@@ -83,9 +83,9 @@ pub struct GraphCuts {
     pub threshold: u8,
     /// The step in disparity above which neighbours pay no more: the paper's d cut-off.
     pub cutoff: u16,
-    /// The block size of the block matching that gives the initial labels: see
-    /// [`BlockMatchingParams`](multiscopic_core::BlockMatchingParams).
-    pub start_block_size: u8,
+    /// The most by which a disparity that is tried at a pixel differs from one that semi-global matching gives the pixels around
+    /// it, at most 8 away. If `None`, it is [that](GraphCuts::default_reach) for the number of views.
+    pub reach: Option<u16>,
     /// The most times that all disparities are tried.
     pub sweeps: usize,
     /// The seed of the random order in which disparities are tried.
@@ -110,7 +110,7 @@ impl Default for GraphCuts {
             lambda: [None; 2],
             threshold: 8,
             cutoff: 5,
-            start_block_size: 11,
+            reach: None,
             sweeps: 20,
             seed: 0,
             refine: true,
@@ -126,6 +126,12 @@ impl GraphCuts {
     pub const MAX_COST: f64 = 255.0;
     /// The greatest [`cutoff`](GraphCuts::cutoff). Greater ones are reduced to it.
     pub const MAX_STEP: u16 = 511;
+
+    /// The default [`reach`](GraphCuts::reach) for a number of views: 2 for one and 6 for several. With one view, farther
+    /// disparities take time, and more of them are worse than better.
+    pub const fn default_reach(views: usize) -> u16 {
+        if views == 1 { 2 } else { 6 }
+    }
 
     /// The default cost of a step between neighbours that look the same, and between those that look
     /// different.

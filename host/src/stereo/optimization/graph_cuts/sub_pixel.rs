@@ -10,7 +10,7 @@
 use std::cmp::Ordering;
 
 use image::ImageBuffer;
-use multiscopic_core::{BlockMatchingParams, Disparity, Frame, Fusion, SearchConfig, SearchSpace};
+use multiscopic_core::{Disparity, Frame, Fusion, SearchConfig, SearchSpace};
 use rayon::prelude::*;
 
 use super::{
@@ -196,12 +196,11 @@ fn enlarged_image<P: image::Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>
     })
 }
 
-/// The parameters for frames enlarged by the factor `times`. The block grows by the same factor, up to the
-/// largest block there is.
+/// The search in frames enlarged by the factor `times`.
 ///
 /// # Errors
 /// [`Error::Usage`] if the enlarged frames or their disparities are too large.
-pub fn enlarged_params(search: &BlockMatchingParams, times: u8) -> Result<BlockMatchingParams> {
+pub fn enlarged_search(search: &SearchSpace, times: u8) -> Result<SearchSpace> {
     let factor = i32::from(times);
     let [width, height] = [search.width(), search.height()].map(|side| side * usize::from(times));
     let too_large = |found: String| Error::Usage(format!("images enlarged {times} times have {found}: enlarge less"));
@@ -211,11 +210,10 @@ pub fn enlarged_params(search: &BlockMatchingParams, times: u8) -> Result<BlockM
     if least < i32::from(Disparity::MIN_SEARCH) || most > i32::from(Disparity::MAX_SEARCH) {
         return Err(too_large(format!("disparities {least}..={most}, and 511 is the most, either way")));
     }
-    let block = ((search.block_size() * usize::from(times)) | 1).min(BlockMatchingParams::MAX_BLOCK_SIZE.into());
     let (min_disparity, num_disparities) = (least as i16, (most - least + 1) as u16);
     let (width, height) = (side(width)?, side(height)?);
-    let enlarged = SearchConfig { width, height, min_disparity, num_disparities, ..search.search().config() };
-    Ok(enlarged.block_matching(block as u8)?)
+    let enlarged = SearchConfig { width, height, min_disparity, num_disparities, ..search.config() };
+    Ok(enlarged.checked()?)
 }
 
 /// The map of frames enlarged by the factor `times`, reduced to their original size. Each pixel has the
@@ -283,10 +281,10 @@ mod tests {
                 min_disparity: least,
                 num_disparities: count,
             }
-            .block_matching(11)
+            .checked()
             .unwrap()
         };
-        let enlarged = enlarged_params(&search(100, -3, 8), 4).unwrap();
+        let enlarged = enlarged_search(&search(100, -3, 8), 4).unwrap();
         assert_eq!(
             enlarged,
             SearchConfig {
@@ -297,12 +295,12 @@ mod tests {
                 min_disparity: -12,
                 num_disparities: 29
             }
-            .block_matching(21)
+            .checked()
             .unwrap()
         );
-        let message = |search: BlockMatchingParams, times: u8| enlarged_params(&search, times).unwrap_err().to_string();
+        let message = |search: SearchSpace, times: u8| enlarged_search(&search, times).unwrap_err().to_string();
         assert!(message(search(20000, 1, 9), 4).contains("a side of 80000 pixels"));
         assert!(message(search(100, 1, 200), 3).contains("disparities 3..=600"));
-        assert!(enlarged_params(&search(100, 1, 170), 3).is_ok());
+        assert!(enlarged_search(&search(100, 1, 170), 3).is_ok());
     }
 }

@@ -27,11 +27,17 @@ const MIN_BAND_ROWS: usize = 256;
 impl Labelling<'_> {
     /// Tries `labels` in a random order determined by `seed`, again and again, until none of them lowers the
     /// energy or at most `sweeps` times. A label is tried again only near pixels where something has changed
-    /// that the outcome depends on.
-    pub fn minimize(&mut self, labels: &[Label], sweeps: usize, seed: u64, progress: &dyn Progress) {
+    /// that the outcome depends on. It is tried only in cells, squares of 4 x 4 pixels, where a pixel, or one
+    /// of the eight cells around, has a label now that differs by at most `reach`, or where none of them has any.
+    pub fn minimize(&mut self, labels: &[Label], reach: u16, sweeps: usize, seed: u64, progress: &dyn Progress) {
         let mut order: Vec<Label> = labels.to_vec();
         fastrand::Rng::with_seed(seed).shuffle(&mut order);
         let mut trials = Trials::new(self.energy.size(), order.len());
+        let labelled = self.cells_near(&trials, |current| current != OCCLUDED);
+        for (i, &label) in order.iter().enumerate() {
+            let near = self.cells_near(&trials, |current| current != OCCLUDED && current.abs_diff(label) <= reach);
+            trials.allow(i, near.cells.iter().zip(&labelled.cells).map(|(near, labelled)| near | !labelled));
+        }
         for sweep in 1..=sweeps {
             progress.begin(order.len() as u64, &format!("disparities of sweep {sweep}"));
             let mut was_any_due = false;
@@ -54,6 +60,18 @@ impl Labelling<'_> {
                 return;
             }
         }
+    }
+
+    /// The cells with a pixel of such a label, and the cells around them.
+    fn cells_near(&self, trials: &Trials, is_such: impl Fn(Label) -> bool) -> CellSet {
+        let [width, height] = self.energy.size();
+        let mut cells = trials.empty_set();
+        for pixel in (0..width * height).map(|index| Pixel::new(index, width)) {
+            if is_such(self.labels[slot_at(pixel.u, pixel.v, width)]) {
+                cells.add(pixel.u, pixel.v);
+            }
+        }
+        cells.dilated()
     }
 
     /// The cells that may have to change so that pixels of `cells` can take a label: those around them, and
@@ -140,7 +158,8 @@ const CELL_SIDE: usize = 4;
 struct Trials {
     columns: usize,
     rows: usize,
-    /// True if a trial is due, for each label and cell.
+    /// True if a trial is worth it at all, and if one is due, for each label and cell.
+    allowed: Vec<bool>,
     due: Vec<bool>,
 }
 
@@ -206,16 +225,25 @@ impl CellSet {
 }
 
 impl Trials {
-    /// A trial of every label is due everywhere.
+    /// No trial is worth it yet.
     fn new([width, height]: [usize; 2], labels: usize) -> Trials {
         let (columns, rows) = (width.div_ceil(CELL_SIDE), height.div_ceil(CELL_SIDE));
-        Trials { columns, rows, due: vec![true; columns * rows * labels] }
+        let none = vec![false; columns * rows * labels];
+        Trials { columns, rows, allowed: none.clone(), due: none }
+    }
+
+    /// Makes trials of label number `label` worth it, and due, in some cells.
+    fn allow(&mut self, label: usize, cells: impl Iterator<Item = bool>) {
+        let at = label * self.columns * self.rows;
+        for (i, is_allowed) in cells.enumerate() {
+            (self.allowed[at + i], self.due[at + i]) = (is_allowed, is_allowed);
+        }
     }
 
     /// Takes the cells in which a trial of label number `label` is due, or `None` if there are none. It is
     /// not due there any more.
     fn take(&mut self, label: usize) -> Option<CellSet> {
-        let Trials { columns, rows, ref mut due } = *self;
+        let Trials { columns, rows, ref mut due, .. } = *self;
         let due = &mut due[label * columns * rows..][..columns * rows];
         let cells = due.to_vec();
         due.fill(false);
@@ -228,16 +256,18 @@ impl Trials {
         CellSet { columns, rows, cells: vec![false; columns * rows] }
     }
 
-    /// Makes a trial of label number `label` due in some cells.
+    /// Makes a trial of label number `label` due in some cells, where it is worth it.
     fn mark_cells(&mut self, label: usize, set: &CellSet) {
-        let due = &mut self.due[label * self.columns * self.rows..];
-        due.iter_mut().zip(&set.cells).for_each(|(due, cell)| *due |= cell);
+        let at = label * self.columns * self.rows;
+        let cells = self.due[at..].iter_mut().zip(&self.allowed[at..]).zip(&set.cells);
+        cells.for_each(|((due, allowed), cell)| *due |= allowed & cell);
     }
 
-    /// Makes a trial of label number `label` due in the cell of a pixel.
+    /// Makes a trial of label number `label` due in the cell of a pixel, if it is worth it there.
     #[inline(always)]
     fn mark(&mut self, label: usize, pixel: Pixel) {
         let cell = pixel.v / CELL_SIDE * self.columns + pixel.u / CELL_SIDE;
-        self.due[label * self.columns * self.rows + cell] = true;
+        let at = label * self.columns * self.rows + cell;
+        self.due[at] = self.allowed[at];
     }
 }

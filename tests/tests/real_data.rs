@@ -118,7 +118,8 @@ fn evaluate(root: &Path, dataset: Dataset, arguments: &[&str]) -> Result<Vec<Row
     let json = dir.path().join("results.json");
     let folder = root.join(dataset.name());
     let paths = [folder.to_str().ok_or("a path in UTF-8")?, json.to_str().ok_or("a path in UTF-8")?];
-    let mut all = vec!["evaluate", paths[0], "--dataset", dataset.name(), "--json", paths[1]];
+    // As in the paper, occlusions are left as they are.
+    let mut all = vec!["evaluate", paths[0], "--dataset", dataset.name(), "--json", paths[1], "--hidden", "none"];
     all.extend(arguments);
     let run = Invocation::with(&all, real_data::weights().map(|folder| ("MULTISCOPIC_WEIGHTS", folder)));
     if run.code != Some(0) {

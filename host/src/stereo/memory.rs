@@ -49,7 +49,7 @@ impl Method {
             Pipeline::BlockMatching { .. } => 30.0 + 8.0 * lanes,
         };
         let opinion = if self.is_judged_by_network() { network } else { 0.0 };
-        image_bytes(search) + (pixels as f64 * matching.max(opinion)) as u64
+        image_bytes(search) + (pixels as f64 * (matching + opinion)) as u64
     }
 
     /// The bands that the network is computed in: none if it fits at once into the memory that the engine may take. The search

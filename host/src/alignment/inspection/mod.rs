@@ -353,6 +353,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(debug_assertions, ignore = "takes minutes without optimisation, and `docs/faults.md` is tested")]
     fn blurred_images_and_copies_of_the_centre_are_warned_of() {
         let frames = |left: GrayImage| Frames::new(pattern(0.0, 1)).with(View::RIGHT, pattern(6.0, 2)).with(View::LEFT, left);
         let of = |left: GrayImage| Inspection::of(&frames(left));

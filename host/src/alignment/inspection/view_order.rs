@@ -151,6 +151,7 @@ mod tests {
     use super::{super::tests::pattern, *};
 
     #[test]
+    #[cfg_attr(debug_assertions, ignore = "takes minutes without optimisation, and `docs/faults.md` is tested")]
     fn views_that_are_the_wrong_way_round_or_blurred_are_told() {
         let (center, right) = (pattern(0.0, 1), pattern(6.0, 2));
         let hint = |image: &GrayImage| suspicion(&center, image, View::RIGHT).unwrap_or_default();

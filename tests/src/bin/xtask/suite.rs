@@ -75,9 +75,10 @@ const CHECKED: [&str; 16] = [
 ];
 /// The tests in release: of the program, and of what computes, which optimisation might change.
 const RELEASE: [&str; 6] = ["--lib", "--test=capture", "--test=commands", "--test=mccnn", "--test=methods", "--test=real_data"];
-/// The tests of bytes from outside and of rectification by lines, which are mostly integers and bounds, and of the pipeline to
-/// packets, which the sample of the firmware tests optimised too.
-const OTHER_COMPUTATIONS: [&str; 4] = ["-pmultiscopic-edge", "--lib", "--test=outside_bytes", "--test=rectified_lines"];
+/// The tests of bytes from outside and of rectification by lines, which are mostly integers and bounds, of the pipeline to
+/// packets, which the sample of the firmware tests optimised too, and of the library's parts.
+const OTHER_COMPUTATIONS: [&str; 5] =
+    ["-pmultiscopic-edge", "-pmultiscopic", "--lib", "--test=outside_bytes", "--test=rectified_lines"];
 /// Those that take half of the time, each with what else tests its subject.
 const LONGEST: [(&str, &str); 5] = [
     ("edge_commands::simulations::every_other_profile_is_simulated", "small_profiles_are_simulated"),

@@ -66,7 +66,7 @@ fn results_are_those_of_the_references() {
         let mut bench = Bench::new(views);
         let pfm = bench.output("-o", "out.pfm");
         let raw = bench.output("--raw16", "raw.png");
-        bench.add("--fusion", name(fusion)).add("--min-disparity", min_disparity.to_string());
+        bench.add("--fusion", name(fusion)).add("--hidden", "none").add("--min-disparity", min_disparity.to_string());
         bench.add("--num-disparities", num_disparities.to_string());
         match method {
             GoldenMethod::Blocks { block_size } => {
@@ -102,7 +102,7 @@ fn any_set_of_views_matches_with_the_papers_defaults() {
         let mut bench = Bench::new(views);
         bench.output("-o", "out.pfm");
         let raw = bench.output("--raw16", "raw.png");
-        bench.add("--method", "bm").add("--min-disparity", "1");
+        bench.add("--method", "bm").add("--hidden", "none").add("--min-disparity", "1");
         bench.run().assert_done();
         assert_eq!(read_raw16(&raw).2, reference(views, fusion, 1, 60, 11), "{views:?}");
     }
@@ -128,7 +128,7 @@ fn other_image_formats_are_read() {
     ppm.extend(colours.iter().flatten());
     let ppm = bench.file("right.ppm", &ppm);
     bench.set("--right", ppm);
-    bench.add("--method", "bm").add("--num-disparities", "9");
+    bench.add("--method", "bm").add("--hidden", "none").add("--num-disparities", "9");
     bench.run().assert_done();
 
     let grey = |&[r, g, b]: &[u8; 3]| ((77 * u32::from(r) + 150 * u32::from(g) + 29 * u32::from(b) + 128) >> 8) as u8;

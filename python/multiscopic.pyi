@@ -32,6 +32,7 @@ class _Options(TypedDict, total=False):
     theta: int | None
     cutoff: int | None
     gray: bool | None
+    reach: int | None
     sweeps: int | None
     seed: int | None
     refine: bool | None

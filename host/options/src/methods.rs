@@ -59,6 +59,11 @@ pub(crate) struct GraphCutsOptions {
     #[arg(long)]
     gray: bool,
 
+    /// Most by which a disparity that is tried differs from those that semi-global matching finds around a pixel [default: 2 with
+    /// one neighbour, 6 with more]
+    #[arg(long, value_name = "N")]
+    reach: Option<u16>,
+
     /// Maximum number of sweeps over all disparities
     #[arg(long, value_name = "N", default_value_t = GraphCuts::default().sweeps)]
     sweeps: usize,
@@ -120,7 +125,7 @@ impl GraphCutsOptions {
             lambda: [self.lambda1, self.lambda2],
             threshold: self.theta,
             cutoff: self.cutoff,
-            reach: default.reach,
+            reach: self.reach,
             sweeps: self.sweeps,
             seed: self.seed,
             refine: !self.no_refine,

@@ -99,7 +99,7 @@ fn cases() -> [Case; 4] {
             tuned::paths::disparities,
         ),
         (
-            json!({ "method": "gc", "num-disparities": "16", "block-size": "7", "occlusion-cost": "12", "lambda1": "4",
+            json!({ "method": "gc", "num-disparities": "16", "occlusion-cost": "12", "lambda1": "4",
                 "smoothness": "potts", "sweeps": "2" }),
             "cuts",
             tuned::cuts::disparities,

@@ -229,7 +229,10 @@ impl RefinementOptions {
             left_right: self.disp12_max_diff,
             sub_pixel: self.sub_pixel.map_or(sharpens, |name| name == SubPixelName::LucasKanade).then_some(LucasKanade),
             repair: self.repair.map_or(repairs, |name| name == RepairName::Smooth).then_some(smoother),
-            occlusions: self.hidden.map_or(fills, |name| name == HiddenName::Background).then_some(OcclusionFill),
+            occlusions: self
+                .hidden
+                .map_or(fills, |name| name == HiddenName::Background)
+                .then(|| defaults.occlusions.unwrap_or_default()),
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
             smoother: self.smooth.then_some(smoother),

@@ -53,7 +53,7 @@ impl MethodName {
     /// # Errors
     /// If the weights of MC-CNN are not installed.
     pub fn method(self, block_size: Option<u8>, views: usize) -> Result<Method> {
-        let refinement = Refinement { occlusions: (views == 1).then_some(OcclusionFill), ..Refinement::NONE };
+        let refinement = Refinement { occlusions: (views == 1).then(OcclusionFill::default), ..Refinement::NONE };
         let method = match self {
             MethodName::Bm => Method::block_matching(block_size.unwrap_or(Method::DEFAULT_BLOCK_SIZE)),
             MethodName::Gc => Method::graph_cuts(),
@@ -63,7 +63,9 @@ impl MethodName {
             MethodName::Net => {
                 let net = Method::net();
                 let (margin, repair) = (SearchMargin::NETWORK, Some(net.smoother()));
-                return Ok(net.with_refinement(Refinement { margin, sub_pixel: Some(LucasKanade), repair, ..refinement }));
+                let occlusions = refinement.occlusions.map(|_| OcclusionFill::NETWORK);
+                let sub_pixel = Some(LucasKanade);
+                return Ok(net.with_refinement(Refinement { margin, sub_pixel, repair, occlusions, ..refinement }));
             }
         };
         Ok(method.with_refinement(refinement))

@@ -8,17 +8,30 @@ use crate::images::{DisparityMap, Raster};
 /// Fills what the only view does not see, beside nearer surfaces and at the border of the image, with the disparity of the
 /// background.
 ///
-/// Pixels are holes if their confidence is at most one half, or if a surer pixel of another disparity has the same match. Along a
+/// Pixels are holes if their confidence is at most [`most_unsure`](OcclusionFill::most_unsure), or if a surer pixel of another disparity has the same match. Along a
 /// line that the view moves the matches on, a nearer surface hides as many pixels behind it as its disparity is greater than that
 /// in front of the hole. So many of the hole, next to the nearer surface, become background. The rest of the hole stays as it is:
 /// the view sees it. At the side where matches leave the image, nothing tells what is hidden, and the surface inside goes on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct OcclusionFill;
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OcclusionFill {
+    /// The greatest confidence of a hole.
+    pub most_unsure: u8,
+}
 
 /// Pixels by which more is filled than is hidden. Nearer surfaces come out too wide, by about so much.
 const SLACK: usize = 2;
 
+impl Default for OcclusionFill {
+    /// Holes are more probably wrong than right.
+    fn default() -> OcclusionFill {
+        OcclusionFill { most_unsure: Smoother::MOST_REPLACED }
+    }
+}
+
 impl OcclusionFill {
+    /// After the network, which is often right where it is unsure: a third.
+    pub const NETWORK: OcclusionFill = OcclusionFill { most_unsure: 85 };
+
     /// The name on command lines.
     pub const NAME: &str = "background";
 
@@ -43,7 +56,7 @@ impl OcclusionFill {
                 if view.is_horizontal() { place * width + i } else { i * width + place }
             };
             let pixels: Vec<_> = (0..length).map(index).map(|i| (map.pixels()[i], confidence.pixels()[i])).collect();
-            let line = Line { pixels: &pixels, multiple: multiple.unsigned_abs().into() };
+            let line = Line { pixels: &pixels, multiple: multiple.unsigned_abs().into(), most_unsure: self.most_unsure };
             for (i, source) in line.sources() {
                 filled.pixels_mut()[index(i)] = pixels[source].0;
                 sure.pixels_mut()[index(i)] = pixels[source].1 / 2;
@@ -57,6 +70,7 @@ impl OcclusionFill {
 struct Line<'a> {
     pixels: &'a [(Option<Disparity>, u8)],
     multiple: i32,
+    most_unsure: u8,
 }
 
 impl Line<'_> {
@@ -102,7 +116,7 @@ impl Line<'_> {
         };
         let is_hole = |i: usize| {
             let (disparity, confidence) = self.pixels[i];
-            disparity.is_none() || confidence <= Smoother::MOST_REPLACED || is_lost(i)
+            disparity.is_none() || confidence <= self.most_unsure || is_lost(i)
         };
         (0..self.pixels.len()).map(is_hole).collect()
     }
@@ -136,7 +150,7 @@ mod tests {
     /// The disparities filled where `unsure` has a `?`.
     fn filled(digits: &str, unsure: &str, view: View) -> (DisparityMap, Raster<u8>) {
         let sure = unsure.bytes().map(|letter| if letter == b'?' { 100 } else { 200 }).collect();
-        OcclusionFill.apply(&row(digits), &Raster::new(digits.len(), 1, sure), view)
+        OcclusionFill::default().apply(&row(digits), &Raster::new(digits.len(), 1, sure), view)
     }
 
     #[test]
@@ -164,7 +178,7 @@ mod tests {
     fn the_surer_of_two_pixels_has_the_match() {
         // The matches of columns 5, 6 and 8 are all in column 4, and those of columns 4 and 7 in column 3.
         let confidence = Raster::new(20, 1, (0..20).map(|i| if i == 6 { 150 } else { 200 }).collect());
-        let map = OcclusionFill.apply(&row("11111124444444444444"), &confidence, View::RIGHT).0;
+        let map = OcclusionFill::default().apply(&row("11111124444444444444"), &confidence, View::RIGHT).0;
         assert_eq!(map, row("11111114444444444444"));
     }
 }

@@ -41,7 +41,7 @@ def opencv(size, disparities, block, filters, repeat):
 def multiscopic(size, disparities, block, options, repeat):
     """The best rate of the project's own matcher."""
     numbers = zip(("width", "height", "num-disparities", "block-size", "threads", "repeat"), (*size, disparities, block, 1, repeat))
-    command = [PROGRAM, "bench", "--json", *options, *(f"--{name}={value}" for name, value in numbers)]
+    command = [PROGRAM, "bench", "--json", "--hidden=none", *options, *(f"--{name}={value}" for name, value in numbers)]
     report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return report["gde_per_s"]
 

@@ -131,7 +131,7 @@ fn count(valgrind: &InstalledProgram, binary: &Path, kernel: &str, views: u64, f
     let profile = folder.join("callgrind.out");
     let mut counting = valgrind.command(&["--quiet", "--tool=callgrind"])?;
     counting.arg(format!("--callgrind-out-file={}", profile.display())).arg(binary);
-    counting.args(["bench", "--json", "--threads", "1", "--simd", kernel, "--fusion", fusion]);
+    counting.args(["bench", "--json", "--hidden", "none", "--threads", "1", "--simd", kernel, "--fusion", fusion]);
     for (option, value) in [
         ("--width", WIDTH),
         ("--height", HEIGHT),

@@ -188,7 +188,7 @@ def measure(scenes, source, error, folder):
     search = ["--min-disparity", scenes.minimum, "--num-disparities", scenes.disparities]
 
     def errors(truth, *arguments):
-        run("match", *arguments, *search, "--fusion", scenes.fusion, "-o", folder / "disparity.pfm")
+        run("match", "--method", "bm", *arguments, *search, "--fusion", scenes.fusion, "-o", folder / "disparity.pfm")
         error = np.abs(read_pfm(folder / "disparity.pfm") - truth)
         error = error[np.isfinite(error)]
         return 100 * np.mean(error > 1), np.mean(error)

@@ -51,7 +51,8 @@ def multiscopic(size, disparities, options, repeat, threads=1):
     """The best time of the project's own."""
     names = ("width", "height", "num-disparities", "threads", "repeat")
     numbers = zip(names, (*size, disparities, threads, repeat))
-    command = [PROGRAM, "bench", "--json", "--method=sgm", "--hidden=none", *options, *(f"--{name}={value}" for name, value in numbers)]
+    command = [PROGRAM, "bench", "--json", "--method=sgm", "--hidden=none", *options]
+    command += [f"--{name}={value}" for name, value in numbers]
     report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return report["seconds"]
 

@@ -304,7 +304,7 @@ fn the_result_cannot_be_improved_by_a_move() {
     }
 }
 
-/// With a reach, no move of pixels near a start of a similar label lowers the energy, and far from all of them none is made.
+/// With a reach, no move of pixels near a start of a similar label lowers the energy.
 #[test]
 fn a_reach_leaves_no_move_near_the_start() {
     let mut random = Random(6);

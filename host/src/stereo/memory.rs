@@ -31,7 +31,7 @@ impl Method {
             Pipeline::GraphCuts { cost, cuts } => {
                 let colored = frames.color(Frame::Center).is_some();
                 // Bands and their margins come on top.
-                1.5 * cuts.bytes(*cost, pixels, views, colored) as f64 / pixels as f64
+                1.5 * cuts.bytes(*cost, search, colored) as f64 / pixels as f64
             }
             Pipeline::Network(_) => network,
             Pipeline::McCnn { network, .. } => {

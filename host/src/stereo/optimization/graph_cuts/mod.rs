@@ -9,8 +9,8 @@
 //! have the same match in a view where one hides the other, and the hidden one is seen in the opposite view.
 //! There every pixel has a disparity, and pays [at most](Occlusion::Capped) the cost of an occlusion for it.
 //!
-//! The costs of a disparity are computed when it is tried, so the memory does not grow with the number of
-//! disparities: see [`GraphCuts::bytes`].
+//! The costs of a disparity are computed when it is tried, so the memory grows with the number of disparities by a few bits of
+//! each pixel alone: see [`GraphCuts::bytes`].
 //!
 //! | file | what it is |
 //! | --- | --- |
@@ -44,16 +44,17 @@ pub use max_flow::{MaxFlow, Topology};
 pub use parameters::{GraphCuts, Label, NeighborPair, OCCLUDED, Occlusion, Pixel, Smoothness};
 
 impl GraphCuts {
-    /// Estimates the bytes of memory that it takes to match images of `pixels` pixels in a number of views, beside the images
-    /// themselves. `colored` is true if they have colours. Images of 512 rows and more are split into bands, whose graphs may
-    /// take a little more.
-    pub fn bytes(&self, cost: BirchfieldTomasi, pixels: usize, views: usize, colored: bool) -> usize {
+    /// Estimates the bytes of memory that it takes to match the images of a search, beside the images themselves. `colored` is
+    /// true if they have colours. Images of 512 rows and more are split into bands, whose graphs may take a little more.
+    pub fn bytes(&self, cost: BirchfieldTomasi, search: &SearchSpace, colored: bool) -> usize {
+        let (pixels, views, times) = (search.width() * search.height(), search.views().len(), usize::from(self.upsample));
         let channels = if colored && cost.color { 3 } else { 1 };
         // An enlarged image, in its colours and in grey.
         let copy = if self.upsample > 1 { 1 + if colored { 3 } else { 0 } } else { 0 };
         let images = (1 + views) * (MatchedImage::pixel_bytes(channels) + copy);
         let occlusions = self.occlusions.unwrap_or(Occlusion::default_for(views));
-        pixels * usize::from(self.upsample).pow(2) * (images + Labelling::pixel_bytes(occlusions, self.smoothness))
+        let labels = times * search.num_disparities();
+        pixels * times.pow(2) * (images + Labelling::pixel_bytes(occlusions, self.smoothness, labels))
     }
 
     /// Estimates the disparities of the centre of `frames`.

@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
+    CELL_SIDE, Trials,
     cuts::{Band, BandGraph},
     expansion_move::{ExpansionMove, NO_OWNER, OUTSIDE, Run, TO_BELOW, TO_RIGHT, slot_at, slots, stride_of},
 };
@@ -110,13 +111,15 @@ impl<'a> Labelling<'a> {
         labelling
     }
 
-    /// The bytes for each pixel.
-    pub const fn pixel_bytes(occlusion: Occlusion, smoothness: Smoothness) -> usize {
+    /// The bytes for each pixel, with so many labels to try.
+    pub const fn pixel_bytes(occlusion: Occlusion, smoothness: Smoothness, labels: usize) -> usize {
         // Labels, data costs and Potts codes are there twice: current and next or proposed.
         let potts_codes = 2 * matches!(smoothness, Smoothness::Potts) as usize;
         let own = 2 * size_of::<Label>() + size_of::<bool>() + 2 * size_of::<i32>() + potts_codes;
         let match_owners = size_of::<u32>() * matches!(occlusion, Occlusion::Unique) as usize;
-        own + match_owners + BandGraph::pixel_bytes(occlusion, smoothness)
+        own + match_owners
+            + Trials::cell_bytes(labels).div_ceil(CELL_SIDE * CELL_SIDE)
+            + BandGraph::pixel_bytes(occlusion, smoothness)
     }
 
     /// The labels, row by row.

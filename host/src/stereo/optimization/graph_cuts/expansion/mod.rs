@@ -11,7 +11,7 @@ mod cuts;
 mod expansion_move;
 mod labelling;
 
-use std::ops::Range;
+use std::{collections::BTreeSet, ops::Range};
 
 use super::parameters::{Label, OCCLUDED, Occlusion, Pixel};
 use crate::progress::Progress;
@@ -32,12 +32,7 @@ impl Labelling<'_> {
     pub fn minimize(&mut self, labels: &[Label], reach: u16, sweeps: usize, seed: u64, progress: &dyn Progress) {
         let mut order: Vec<Label> = labels.to_vec();
         fastrand::Rng::with_seed(seed).shuffle(&mut order);
-        let mut trials = Trials::new(self.energy.size(), order.len());
-        let labelled = self.cells_near(&trials, |current| current != OCCLUDED);
-        for (i, &label) in order.iter().enumerate() {
-            let near = self.cells_near(&trials, |current| current != OCCLUDED && current.abs_diff(label) <= reach);
-            trials.allow(i, near.cells.iter().zip(&labelled.cells).map(|(near, labelled)| near | !labelled));
-        }
+        let mut trials = self.trials_near(&order, reach);
         for sweep in 1..=sweeps {
             progress.begin(order.len() as u64, &format!("disparities of sweep {sweep}"));
             let mut was_any_due = false;
@@ -62,16 +57,26 @@ impl Labelling<'_> {
         }
     }
 
-    /// The cells with a pixel of such a label, and the cells around them.
-    fn cells_near(&self, trials: &Trials, is_such: impl Fn(Label) -> bool) -> CellSet {
+    /// The trials that are worth it, all of them due.
+    fn trials_near(&self, order: &[Label], reach: u16) -> Trials {
         let [width, height] = self.energy.size();
-        let mut cells = trials.empty_set();
-        for pixel in (0..width * height).map(|index| Pixel::new(index, width)) {
-            if is_such(self.labels[slot_at(pixel.u, pixel.v, width)]) {
-                cells.add(pixel.u, pixel.v);
+        let mut trials = Trials::new([width, height], order.len());
+        let mut labelled = trials.empty_set();
+        let mut near = vec![trials.empty_set(); order.len()];
+        for cell in 0..labelled.cells.len() {
+            let pixels = labelled.pixels_of(cell, [width, height]);
+            let labels = pixels.map(|pixel| self.labels[slot_at(pixel.u, pixel.v, width)]).filter(|label| *label != OCCLUDED);
+            let labels: BTreeSet<Label> = labels.collect();
+            labelled.cells[cell] = !labels.is_empty();
+            for (near, label) in near.iter_mut().zip(order) {
+                near.cells[cell] = labels.iter().any(|own| own.abs_diff(*label) <= reach);
             }
         }
-        cells.dilated()
+        let labelled = labelled.dilated();
+        for (i, near) in near.iter().enumerate() {
+            trials.allow(i, near.dilated().cells.iter().zip(&labelled.cells).map(|(near, labelled)| near | !labelled));
+        }
+        trials
     }
 
     /// The cells that may have to change so that pixels of `cells` can take a label: those around them, and
@@ -179,13 +184,15 @@ impl CellSet {
     }
 
     /// The pixels of the set in an image, cell by cell.
-    fn pixels(&self, [width, height]: [usize; 2]) -> impl Iterator<Item = Pixel> {
+    fn pixels(&self, size: [usize; 2]) -> impl Iterator<Item = Pixel> {
+        (0..self.cells.len()).filter(|&cell| self.cells[cell]).flat_map(move |cell| self.pixels_of(cell, size))
+    }
+
+    /// The pixels of a cell in an image.
+    fn pixels_of(&self, cell: usize, [width, height]: [usize; 2]) -> impl Iterator<Item = Pixel> + use<> {
         let side = |cell: usize, size: usize| cell * CELL_SIDE..size.min((cell + 1) * CELL_SIDE);
-        let cells = (0..self.cells.len()).filter(|&cell| self.cells[cell]);
-        cells.flat_map(move |cell| {
-            let columns = side(cell % self.columns, width);
-            side(cell / self.columns, height).flat_map(move |v| columns.clone().map(move |u| Pixel::at(u, v, width)))
-        })
+        let columns = side(cell % self.columns, width);
+        side(cell / self.columns, height).flat_map(move |v| columns.clone().map(move |u| Pixel::at(u, v, width)))
     }
 
     /// Adds the cell of a pixel.
@@ -225,6 +232,11 @@ impl CellSet {
 }
 
 impl Trials {
+    /// The bytes for each cell at most, which include those of the sets that they are made from.
+    const fn cell_bytes(labels: usize) -> usize {
+        3 * labels
+    }
+
     /// No trial is worth it yet.
     fn new([width, height]: [usize; 2], labels: usize) -> Trials {
         let (columns, rows) = (width.div_ceil(CELL_SIDE), height.div_ceil(CELL_SIDE));

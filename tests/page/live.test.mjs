@@ -57,12 +57,14 @@ async function assertIsMatch(page, name) {
 const tune = await Server.start(program, ["tune", rig]);
 const { page } = await tune.open(browser, [1400, 1000], "light");
 
-await check("the page of a rig opens with its disparities", async () => {
+await check("the page of a rig opens with its disparities, by the method of match", async () => {
+  await page.waitForFunction(() => /^net, /.test(document.getElementById("state").textContent));
   await assertIsMatch(page, "at first");
   await page.screenshot({ path: join(screenshots, "tune-wide-light.png"), fullPage: true });
 });
 
 await check("a slider changes the disparities to those of match, bit for bit", async () => {
+  await matched(page, () => set(page, { method: "bm" }));
   const before = await page.evaluate(() => [...multiscopic.current().maps[0].bits]);
   const settings = await matched(page, () => set(page, { "num-disparities": 23 }));
   assert.equal(settings["num-disparities"], "23");

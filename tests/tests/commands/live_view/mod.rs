@@ -47,6 +47,20 @@ fn signals_end_the_server_with_their_codes() {
 
 #[test]
 #[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
+fn a_new_rig_is_shown_by_blocks_at_once_and_then_by_the_method_of_match() {
+    let dir = tempfile::tempdir().unwrap();
+    // So large that the network is not done before the socket is there, which would then see its notice alone.
+    let server = PageServer::start(&["tune", &rig_of(dir.path(), "640x480")]);
+    let mut socket = server.page();
+    let mut first = || socket.notice("result", |_| true);
+    let [at_once, then] = [first(), first()];
+    assert!(at_once["summary"].as_str().unwrap().starts_with("bm, "), "{at_once:.200}");
+    assert!(then["summary"].as_str().unwrap().starts_with("net, "), "{then:.200}");
+    assert_eq!([&at_once["settings"], &then["settings"]], [&json!({ "method": "net" }); 2]);
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn a_slow_match_is_given_up_for_the_next_one() {
     let dir = tempfile::tempdir().unwrap();
     let server = PageServer::start(&["tune", &rig(dir.path())]);
@@ -54,10 +68,11 @@ fn a_slow_match_is_given_up_for_the_next_one() {
     socket.notice("result", |_| true);
     let slow = json!({ "method": "gc", "num-disparities": "120", "min-disparity": "-60" });
     socket.ask(slow.clone());
+    socket.notice("plan", |contents| contents["settings"] == slow);
     socket.notice("progress", |_| true);
     let quick = json!({ "method": "bm", "num-disparities": "20" });
     socket.ask(quick.clone());
-    let result = socket.notice("result", |_| true);
+    let result = socket.notice("result", |contents| contents["settings"]["method"] != "net");
     assert_eq!(result["settings"], quick, "the graph cuts were given up");
 }
 

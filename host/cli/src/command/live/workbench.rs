@@ -45,7 +45,10 @@ pub struct Wish {
 
 impl Default for Wish {
     fn default() -> Wish {
-        Wish { settings: Settings::from([("method".into(), "bm".into())]), core: Processor::ALL[0].name().into() }
+        Wish {
+            settings: Settings::from([("method".into(), MethodName::Net.name().into())]),
+            core: Processor::ALL[0].name().into(),
+        }
     }
 }
 

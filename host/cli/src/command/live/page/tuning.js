@@ -187,7 +187,7 @@ export class Tuning {
     }
     if (folder !== this.folder) return;
     await showMap(map);
-    byId("state").textContent = `${map.name}: ${summary}`.replaceAll(" %", "\u00a0%");
+    byId("state").textContent = summary.replaceAll(" %", "\u00a0%");
     byId("warnings").hidden = !warnings.length;
     byId("warnings").replaceChildren(...warnings.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
     // For tests, and for whoever listens: what these disparities were made by.

@@ -14,7 +14,7 @@ use multiscopic_core::{Fusion, SearchConfig, View, Views};
 
 use super::correspondences::shrinking_factor;
 use crate::{
-    images::{DisparityMap, Frames, ImageRegion, Picture, Raster},
+    images::{Frames, ImageRegion, Picture},
     stereo::{Engine, Method},
 };
 
@@ -36,9 +36,9 @@ pub fn evened(center: &Picture, view: View, picture: Picture, range: &RangeInclu
     let (width, height) = picture.dimensions();
     let factor = shrinking_factor(width, height);
     let [small_center, small] = [center, &picture].map(|picture| picture.shrunk(factor));
-    let Some((map, confidence)) = matched(&small_center, view, &small, range, factor) else { return picture };
+    let Some(matches) = matches(&small_center, view, &small, range, factor) else { return picture };
     let gains = |channels: usize| -> Vec<Plane> {
-        (0..channels).map(|channel| gains([&small_center, &small], channel, view, &map, &confidence, [width, height])).collect()
+        (0..channels).map(|channel| gains([&small_center, &small], channel, &matches, [width, height])).collect()
     };
     let mut picture = picture;
     match &mut picture {
@@ -49,14 +49,14 @@ pub fn evened(center: &Picture, view: View, picture: Picture, range: &RangeInclu
     picture
 }
 
-/// The disparities of the centre by this view alone, and their confidences.
-fn matched(
+/// The pixels of the centre that are surely matched in this view, and their matches.
+fn matches(
     center: &Picture,
     view: View,
     small: &Picture,
     range: &RangeInclusive<i16>,
     factor: u32,
-) -> Option<(DisparityMap, Raster<u8>)> {
+) -> Option<Vec<[[u32; 2]; 2]>> {
     let frames = Frames::new(center.to_gray()).with(view, small.to_gray());
     let [width, height] = frames.size().map(|side| side as u16);
     let factor = factor as i16;
@@ -69,25 +69,21 @@ fn matched(
         ..SearchConfig::of_size(width, height)
     };
     let search = config.checked().ok()?;
-    Method::semi_global(1).disparities_and_confidences(&Engine::default(), &frames, &search, &()).ok()
+    let (map, confidence) = Method::semi_global(1).disparities_and_confidences(&Engine::default(), &frames, &search, &()).ok()?;
+    let size = frames.size();
+    let found = |[u, v]: [usize; 2]| {
+        let disparity = map.get(u, v).filter(|_| confidence.get(u, v) >= SURE)?;
+        let (x, y) = view.match_of((u, v), f32::from(disparity).round() as i16, size.into())?;
+        Some([[u, v], [x, y]].map(|place| place.map(|at| at as u32)))
+    };
+    Some(ImageRegion::whole(size).pixels().filter_map(found).collect())
 }
 
 /// The gains of a channel at the full size of the view.
-fn gains(
-    [center, small]: [&Picture; 2],
-    channel: usize,
-    view: View,
-    map: &DisparityMap,
-    confidence: &Raster<u8>,
-    [width, height]: [u32; 2],
-) -> Plane {
+fn gains([center, small]: [&Picture; 2], channel: usize, matches: &[[[u32; 2]; 2]], [width, height]: [u32; 2]) -> Plane {
     let (small_width, small_height) = small.dimensions();
-    let size = [small_width, small_height].map(|side| side as usize);
     let mut values = [(); 2].map(|()| Plane::new(small_width, small_height));
-    for [u, v] in ImageRegion::whole(size).pixels() {
-        let sure = map.get(u, v).filter(|_| confidence.get(u, v) >= SURE);
-        let Some((x, y)) = sure.and_then(|d| view.match_of((u, v), f32::from(d).round() as i16, size.into())) else { continue };
-        let [from, to] = [[u, v], [x, y]].map(|place| place.map(|at| at as u32));
+    for &[from, to] in matches {
         for (plane, (picture, [u, v])) in values.iter_mut().zip([(center, from), (small, to)]) {
             plane.put_pixel(to[0], to[1], Luma([f32::from(picture.color(u, v)[channel]) / 255.0]));
         }

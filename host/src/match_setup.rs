@@ -134,14 +134,13 @@ impl MatchSetup {
         let asked = if self.range_source == RangeSource::Paper { search.min_disparity() } else { 0 };
         let none = disparities.range().is_none().then_some(Warning::NoDisparity);
         let of_images = inspection.warnings(asked);
-        let searched = search.min_disparity()..=search.max_disparity();
         let unknown = (self.range_source == RangeSource::Images && inspection.range.is_none())
-            .then(|| Warning::UnknownRange { searched: searched.clone() });
+            .then(|| Warning::UnknownRange { searched: search.min_disparity()..=search.max_disparity() });
         // Views that are not where they should be explain disparities at the ends of the range.
         let cut = match of_images.iter().any(Warning::is_of_order) {
             true => None,
             // In a range of a few disparities none stands out, and in one that is far off all are mismatches.
-            false => cut_range(disparities, search, inspection.flat).or_else(|| inspection.beyond(searched)),
+            false => cut_range(disparities, search, inspection.flat).or_else(|| inspection.beyond(search)),
         };
         let of_alignment = alignment.as_ref().and_then(Alignment::warning);
         none.into_iter().chain(of_images).chain(unknown).chain(of_alignment).chain(cut).collect()

@@ -28,6 +28,21 @@ pub fn confidences(map: &DisparityMap, evidence: &Raster<u8>, table: &Confidence
     confidences
 }
 
+/// The prior probability of a wrong disparity in a scene that is within the range, such as those that tables are fitted on.
+const WRONG: f64 = 0.25;
+
+/// The probabilities of a table for a scene of which this share, from 0 to 1, is beyond the range: no disparity there is right,
+/// so that the odds are lower everywhere, as Bayes' rule has it.
+pub(super) fn with_share_beyond(table: &ConfidenceTable, share: f64) -> ConfidenceTable {
+    let right = (1.0 - WRONG) * (1.0 - share);
+    let odds = right / (1.0 - right) * WRONG / (1.0 - WRONG);
+    let lowered = |confidence: u8| {
+        let probability = f64::from(confidence) / 255.0;
+        of_probability(probability * odds / (probability * odds + 1.0 - probability))
+    };
+    ConfidenceTable(table.0.map(|row| row.map(lowered)))
+}
+
 /// Confidences, with 0 where `map` is invalid.
 ///
 /// # Panics
@@ -229,6 +244,19 @@ mod tests {
     fn support_falls_with_the_distance_and_grows_with_what_is_sure() {
         assert_eq!([0.0, 0.5, 1.0, 1.5, 2.0, 3.0].map(|distance| step(distance, 1.0)), [15, 9, 7, 5, 3, 0]);
         assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(|sure| step(0.0, sure)), [3, 5, 7, 8, 15]);
+    }
+
+    #[test]
+    fn what_is_beyond_the_range_lowers_the_odds() {
+        for table in [&ConfidenceTable::BLOCK_MATCHING, &GRAPH_CUTS] {
+            assert_eq!(with_share_beyond(table, 0.0), *table);
+            assert!(
+                with_share_beyond(table, 1.0).0.as_flattened().iter().all(|confidence| *confidence == 0 || *confidence == 255)
+            );
+        }
+        // Evidence that tells nothing leaves what is known before: with a fifth of the scene beyond, a fifth of the right ones less.
+        let [before, after] = [0.75, 0.6].map(|probability| ConfidenceTable([[of_probability(probability); 16]; 27]));
+        assert_eq!(with_share_beyond(&before, 0.2), after);
     }
 
     #[test]

@@ -54,6 +54,9 @@ pub struct Method {
     pub refinement: Refinement,
     /// The refinement by views at longer baselines than the shortest. `None` matches all views together.
     pub long_baselines: Option<BaselineRefinement>,
+    /// The share of the scene that is known to be beyond the range that is searched, from 0 to 1, by which confidences are lower:
+    /// see [`Inspection::share_beyond`](crate::Inspection::share_beyond). The network sees for itself what is beyond.
+    pub share_beyond: f64,
 }
 
 /// The steps from images to disparities: a matching cost, and an optimizer that selects disparities by it.
@@ -103,7 +106,7 @@ impl Method {
 
     /// A method without refinement, by which views at longer baselines refine what those at the shortest find.
     pub fn new(pipeline: Pipeline) -> Method {
-        Method { pipeline, refinement: Refinement::NONE, long_baselines: Some(BaselineRefinement::DEFAULT) }
+        Method { pipeline, refinement: Refinement::NONE, long_baselines: Some(BaselineRefinement::DEFAULT), share_beyond: 0.0 }
     }
 
     /// Block matching with blocks of `block_size` x `block_size` pixels.
@@ -131,6 +134,11 @@ impl Method {
     /// Replaces the refinement.
     pub fn with_refinement(self, refinement: Refinement) -> Method {
         Method { refinement, ..self }
+    }
+
+    /// Replaces the [share](Method::share_beyond) of the scene that is beyond the range.
+    pub fn with_share_beyond(self, share_beyond: f64) -> Method {
+        Method { share_beyond, ..self }
     }
 
     /// The smoother that suits its confidences.
@@ -208,7 +216,10 @@ impl Method {
     ) -> Result<(DisparityMap, ConfidenceMap)> {
         let (map, evidence) = self.disparities_and_evidence(engine, frames, search, progress)?;
         let confidences = match self.confidence_table() {
-            Some(table) => confidence_map::confidences(&map, &evidence, table, engine),
+            Some(table) => {
+                let table = confidence_map::with_share_beyond(table, self.share_beyond);
+                confidence_map::confidences(&map, &evidence, &table, engine)
+            }
             None => confidence_map::where_valid(&map, evidence),
         };
         engine.install(|| self.refinement.by_confidence(map, confidences, frames, search.views()))

@@ -143,8 +143,9 @@ impl View {
         let engine = self.engine.engine()?;
         let mut matched = Vec::new();
         for &name in methods {
-            let method = self.options.method(name, self.search.block_size, views.len())?;
             let search = preparation.search;
+            let method = self.options.method(name, self.search.block_size, views.len())?;
+            let method = method.with_share_beyond(preparation.inspection.share_beyond(&search));
             let start = Instant::now();
             let seen = preparation.inspection.frames_for(&method, frames.clone());
             let (mut disparities, mut confidences) = method.disparities_and_confidences(&engine, &seen, &search, &())?;

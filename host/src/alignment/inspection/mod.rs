@@ -29,7 +29,7 @@ mod view_order;
 use std::{collections::BTreeMap, ops::RangeInclusive};
 
 use image::GrayImage;
-use multiscopic_core::{Frame, View};
+use multiscopic_core::{Frame, SearchSpace, View};
 
 pub(super) use self::view_order::suspicion;
 use self::{
@@ -134,12 +134,19 @@ impl Inspection {
     }
 
     /// Warns if many corners have disparities beyond a search range.
-    pub(crate) fn beyond(&self, searched: RangeInclusive<i16>) -> Option<Warning> {
-        let shown = self.shown_range()?;
-        let covered = f64::from(*searched.start()) - self.corner_error..=f64::from(*searched.end()) + self.corner_error;
+    pub(crate) fn beyond(&self, search: &SearchSpace) -> Option<Warning> {
+        let (share, shown) = (self.share_beyond(search), self.shown_range()?);
+        (share > 0.0).then_some(Warning::BeyondRange { share, searched: search.min_disparity()..=search.max_disparity(), shown })
+    }
+
+    /// Returns the share of corners whose disparities are beyond the range of a search, from 0 to 1. A tenth or less counts as
+    /// none: some corners are mismatches.
+    pub fn share_beyond(&self, search: &SearchSpace) -> f64 {
+        let [first, last] = [search.min_disparity(), search.max_disparity()].map(f64::from);
+        let covered = first - self.corner_error..=last + self.corner_error;
         let beyond = self.corners.iter().filter(|disparity| !covered.contains(*disparity)).count();
-        let share = beyond as f64 / self.corners.len() as f64;
-        (share > MAX_BEYOND).then_some(Warning::BeyondRange { share, searched, shown })
+        let share = beyond as f64 / self.corners.len().max(1) as f64;
+        if share > MAX_BEYOND && self.range.is_some() { share } else { 0.0 }
     }
 
     /// Warns of views that look swapped, for a search range from `min_disparity` on; in a range with negative disparities none

@@ -63,7 +63,9 @@ impl<'a> LiveRecording<'a> {
             Some(undistortion) => undistortion.picture(&center),
             None => center,
         };
-        let (method, search) = (MethodName::Bm.method(self.search.block_size, views.len())?, preparation.search);
+        let search = preparation.search;
+        let method = MethodName::Bm.method(self.search.block_size, views.len())?;
+        let method = method.with_share_beyond(preparation.inspection.share_beyond(&search));
         let frames = preparation.inspection.frames_for(&method, frames);
         let (mut disparities, mut confidences) = method.disparities_and_confidences(&self.engine, &frames, &search, &())?;
         mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));

@@ -2,6 +2,7 @@
 
 use std::{
     path::{Path, PathBuf},
+    sync::OnceLock,
     time::Instant,
 };
 
@@ -31,6 +32,8 @@ use crate::{
 pub struct TunedRig {
     folder: PathBuf,
     frames: Frames,
+    /// The frames as methods take them, which compare brightness or do not, and need colours or do not.
+    suited: [OnceLock<Frames>; 4],
     undistortion: Option<Undistortion>,
     inspection: Inspection,
     scene: ViewedScene,
@@ -55,7 +58,7 @@ pub struct Tuned {
 impl TunedMatch {
     /// Block matching in the same search.
     pub fn by_blocks(&self) -> TunedMatch {
-        let method = Method::block_matching(Method::DEFAULT_BLOCK_SIZE);
+        let method = Method::block_matching(Method::DEFAULT_BLOCK_SIZE).with_share_beyond(self.method.share_beyond);
         TunedMatch { name: MethodName::Bm.name(), method, search: self.search }
     }
 }
@@ -76,7 +79,7 @@ impl TunedRig {
             .with_geometry(geometry.as_ref())
             .with_frames(&frames, frames.color(Frame::Center))
             .with_truth(truth.as_ref());
-        Ok(TunedRig { folder: folder.into(), frames, undistortion, inspection, scene })
+        Ok(TunedRig { folder: folder.into(), frames, suited: Default::default(), undistortion, inspection, scene })
     }
 
     /// Its folder.
@@ -98,15 +101,17 @@ impl TunedRig {
     pub fn plan(&self, options: &MatchingOptions) -> Result<TunedMatch> {
         let (size, views) = (self.frames.size(), self.frames.views());
         let search = options.search(size, views, self.inspection.range.unwrap_or(SearchOptions::DEFAULT_RANGE))?;
-        Ok(TunedMatch { name: options.method.name(), method: options.method(views)?, search })
+        let method = options.method(views)?.with_share_beyond(self.inspection.share_beyond(&search));
+        Ok(TunedMatch { name: options.method.name(), method, search })
     }
 
     /// Matches it.
     pub fn run(&self, plan: &TunedMatch, engine: &Engine, progress: &dyn Progress) -> Result<(DisparityMap, ConfidenceMap, f64)> {
         let start = Instant::now();
-        let frames = self.inspection.frames_for(&plan.method, self.frames.clone());
+        let suited = &self.suited[2 * usize::from(plan.method.compares_brightness()) + usize::from(plan.method.needs_color())];
+        let frames = suited.get_or_init(|| self.inspection.frames_for(&plan.method, self.frames.clone()));
         let (mut disparities, mut confidences) =
-            plan.method.disparities_and_confidences(engine, &frames, &plan.search, progress)?;
+            plan.method.disparities_and_confidences(engine, frames, &plan.search, progress)?;
         mask_unseen(self.undistortion.as_ref(), &mut disparities, Some(&mut confidences));
         Ok((disparities, confidences, start.elapsed().as_secs_f64()))
     }

@@ -146,7 +146,7 @@ impl Frames {
     }
 
     /// Reads the frames of a capture, as [`load`](Frames::load) does, of a size within `limits`. `f` may replace each picture
-    /// by another one of its size, before 8 bits are taken of 16; the centre's comes first. The centre is returned as it is in
+    /// by another one, all by those of one size, before 8 bits are taken of 16; the centre's comes first. The centre is returned as it is in
     /// its file.
     ///
     /// # Errors

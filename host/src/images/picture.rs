@@ -67,11 +67,16 @@ impl Picture {
     pub fn shrunk(&self, factor: u32) -> Picture {
         let (width, height) = self.dimensions();
         let [width, height] = [width, height].map(|side| (side / factor).max(1));
+        macro_rules! shrunk {
+            ($image:ident) => {
+                imageops::thumbnail(&*imageops::crop_imm($image, 0, 0, width * factor, height * factor), width, height)
+            };
+        }
         match self {
-            Picture::Gray(image) => Picture::Gray(imageops::thumbnail(image, width, height)),
-            Picture::Rgb(image) => Picture::Rgb(imageops::thumbnail(image, width, height)),
-            Picture::Gray16(image) => Picture::Gray16(imageops::thumbnail(image, width, height)),
-            Picture::Rgb16(image) => Picture::Rgb16(imageops::thumbnail(image, width, height)),
+            Picture::Gray(image) => Picture::Gray(shrunk!(image)),
+            Picture::Rgb(image) => Picture::Rgb(shrunk!(image)),
+            Picture::Gray16(image) => Picture::Gray16(shrunk!(image)),
+            Picture::Rgb16(image) => Picture::Rgb16(shrunk!(image)),
         }
     }
 

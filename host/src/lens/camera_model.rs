@@ -31,6 +31,14 @@ pub struct CameraModel {
 }
 
 impl CameraModel {
+    /// The camera of images that are [shrunk](crate::Picture::shrunk) by a factor.
+    pub fn shrunk(self, factor: u32) -> CameraModel {
+        let size = self.size.map(|size| size.map(|side| (side / factor as usize).max(1)));
+        let factor = f64::from(factor);
+        let principal_point = self.principal_point.map(|at| (at + 0.5) / factor - 0.5);
+        CameraModel { size, focal_px: self.focal_px.map(|focal_px| focal_px / factor), principal_point, lens: self.lens }
+    }
+
     /// The pixel that sees the direction `(x, y, 1)`: x to the right, y down, z along the optical axis. It may lie outside
     /// the image. `None` beyond the range of the lens model.
     pub fn pixel(&self, direction: [f64; 2]) -> Option<[f64; 2]> {

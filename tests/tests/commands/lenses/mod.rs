@@ -72,12 +72,14 @@ fn small(large: &[u8], k1: f64) -> Vec<u8> {
 
 /// As `cv::FileStorage` of OpenCV 4 writes the calibration.
 fn opencv_yaml() -> String {
-    let [cx, cy] = SIZE.map(|side| (side as f64 - 1.0) / 2.0);
+    opencv_yaml_of(SIZE.map(|side| side as f64), FOCAL, SIZE.map(|side| (side as f64 - 1.0) / 2.0))
+}
+
+fn opencv_yaml_of([width, height]: [f64; 2], focal: f64, [cx, cy]: [f64; 2]) -> String {
     format!(
-        "%YAML:1.0\n---\nimage_width: {}\nimage_height: {}\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
-         data: [ {FOCAL}., 0., {cx}, 0., {FOCAL}., {cy}, 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   \
-         cols: 1\n   dt: d\n   data: [ {K1}, 0., 0., 0., 0. ]\n",
-        SIZE[0], SIZE[1]
+        "%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
+         data: [ {focal:?}, 0., {cx}, 0., {focal:?}, {cy}, 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   \
+         cols: 1\n   dt: d\n   data: [ {K1}, 0., 0., 0., 0. ]\n"
     )
 }
 
@@ -100,6 +102,51 @@ fn errors(found: &[f32], truth: &[f32]) -> (f64, f64) {
     let known: Vec<f64> = found.iter().zip(truth).filter(|(_, t)| t.is_finite()).map(|(d, t)| f64::from(d - t).abs()).collect();
     let good: Vec<f64> = known.iter().copied().filter(|error| *error <= 1.0).collect();
     (100.0 * (1.0 - good.len() as f64 / known.len() as f64), good.iter().sum::<f64>() / good.len() as f64)
+}
+
+/// The means of its squares of 3 x 3 pixels.
+fn in_thirds(image: &[u8]) -> Vec<u8> {
+    let mean = |[u, v]: [usize; 2]| {
+        let square = (0..9).map(|k| u32::from(image[(3 * v + k / 3) * SIZE[0] + 3 * u + k % 3]));
+        ((square.sum::<u32>() + 4) / 9) as u8
+    };
+    (0..SIZE[1] / 3).flat_map(|v| (0..SIZE[0] / 3).map(move |u| mean([u, v]))).collect()
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn shrunk_images_match_as_files_of_their_size_with_a_lens_and_aligned() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let (_, large, _) = scene();
+    let small = ViewSet {
+        width: SIZE[0] / 3,
+        height: SIZE[1] / 3,
+        center: in_thirds(&large.center),
+        views: large.views.each_ref().map(|view| view.as_deref().map(in_thirds)),
+        others: Vec::new(),
+    };
+    for (name, images) in [("large", &large), ("small", &small)] {
+        fs::create_dir(path(name)).expect("a folder");
+        write_rig(&path(name), images, &format!("{HEAD}lens = \"lens.yml\""));
+    }
+    let middle = SIZE.map(|side| (side as f64 - 1.0) / 2.0);
+    let lens = |factor: f64| {
+        let (size, middle) = (SIZE.map(|side| (side as f64 / factor).floor()), middle.map(|at| (at + 0.5) / factor - 0.5));
+        opencv_yaml_of(size, FOCAL / factor, middle)
+    };
+    fs::write(path("large/lens.yml"), lens(1.0)).expect("the folder is there");
+    fs::write(path("small/lens.yml"), lens(3.0)).expect("the folder is there");
+    let out = path("out.pfm");
+    let disparities = |rig: &str, options: &[&str]| {
+        let rig = path(rig);
+        Invocation::new([&["match", text(&rig), "-o", text(&out)], options].concat()).assert_done();
+        read_pfm(&out)
+    };
+    for options in [&[][..], &["--align"]] {
+        let found = disparities("large", &[&["--shrink", "3"], options].concat());
+        assert!(found == disparities("small", options), "{options:?}");
+    }
 }
 
 #[test]

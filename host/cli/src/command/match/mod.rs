@@ -136,7 +136,7 @@ impl Match {
 
     /// Matches the images of a rig, and writes the outputs together.
     fn matched(&self, mut source: Source, outputs: &Outputs, engine: &Engine) -> Result<(Summary, DisparityMap)> {
-        let (mut frames, mut center, undistortion) = source.load()?;
+        let (mut frames, mut center, mut undistortion) = source.load()?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         if let Some(output) = outputs.of_depth() {
             self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
@@ -147,13 +147,8 @@ impl Match {
         output::check(&outputs.paths(), &inputs)?;
         let shrink = self.shrink_factor(&frames)?;
         if shrink > 1 {
-            if undistortion.is_some() || self.preparation.align {
-                let message =
-                    format!("images cannot be shrunk by {shrink} with --align or a lens: shrink the files, and calibrate");
-                return Err(Error::Usage(message));
-            }
-            frames = frames.map(|picture| picture.shrunk(shrink));
-            center = center.shrunk(shrink);
+            source = source.shrunk(shrink);
+            (frames, center, undistortion) = source.load()?;
             geometry = geometry.map(|geometry| geometry.shrunk(shrink));
         }
         let (size, views) = (frames.size(), frames.views());

@@ -69,6 +69,8 @@ pub struct Source {
     pub rig: Option<Rig>,
     /// The calibration of the camera, if the images are distorted or the camera is not square to its stage.
     pub lens: Option<LensFile>,
+    /// The factor by which the images are shrunk.
+    shrink: u32,
     rig_file: Option<PathBuf>,
     bits: BitsOption,
 }
@@ -94,7 +96,20 @@ impl Source {
         let rig = Rig::load(directory)?;
         let lens = LensFile::of_rig(&rig, directory, lens)?;
         lens.iter().for_each(warn_of_size);
-        Ok(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path), bits: bits.clone() })
+        Ok(Source {
+            images: rig.images.within(directory),
+            rig: Some(rig),
+            lens,
+            shrink: 1,
+            rig_file: Some(path),
+            bits: bits.clone(),
+        })
+    }
+
+    /// The same files, whose images are shrunk by a factor when they are read.
+    pub fn shrunk(self, factor: u32) -> Source {
+        let lens = self.lens.map(|lens| LensFile { camera: lens.camera.shrunk(factor), ..lens });
+        Source { shrink: factor * self.shrink, lens, ..self }
     }
 
     /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The
@@ -103,12 +118,17 @@ impl Source {
         self.images.bits = depth_of(&self.bits, self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
         let mut undistortion = None;
         let (frames, center) = Frames::load_each(&self.images, limits(), |picture| {
-            let (width, height) = picture.dimensions();
+            let shrunk = (self.shrink > 1).then(|| picture.shrunk(self.shrink));
+            let (width, height) = shrunk.as_ref().unwrap_or(picture).dimensions();
             if let (None, Some(lens)) = (&undistortion, &self.lens) {
                 undistortion = Some(lens.undistortion([width as usize, height as usize])?);
             }
-            Ok(undistortion.as_ref().map(|undistortion| undistortion.picture(picture)))
+            match &undistortion {
+                Some(undistortion) => Ok(Some(undistortion.picture(shrunk.as_ref().unwrap_or(picture)))),
+                None => Ok(shrunk),
+            }
         })?;
+        let center = if self.shrink > 1 { center.shrunk(self.shrink) } else { center };
         Ok((frames, center, undistortion))
     }
 
@@ -121,6 +141,7 @@ impl Source {
         let frames = [Frame::Center].into_iter().chain(self.images.views().iter().map(Frame::View));
         frames.filter_map(|frame| Some((frame, self.images.get(frame)?))).map(move |(frame, path)| {
             let picture = Picture::read_within(path, self.images.bits, limits())?;
+            let picture = if self.shrink > 1 { picture.shrunk(self.shrink) } else { picture };
             Ok((frame, alignment.rectified(frame, picture, undistortion)))
         })
     }
@@ -227,7 +248,7 @@ impl SourceOptions {
             }
             (Some(_), false) => {
                 let lens = lens.as_deref().map(read_lens).transpose()?;
-                Ok(Some(Source { images, rig: None, lens, rig_file: None, bits }))
+                Ok(Some(Source { images, rig: None, lens, shrink: 1, rig_file: None, bits }))
             }
         }
     }

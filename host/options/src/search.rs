@@ -117,7 +117,8 @@ impl SearchOptions {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Several baselines")]
 pub struct BaselineOptions {
-    /// Number of disparities searched around the prior, in pixels of the longer baseline
+    /// Number of disparities searched around the prior, in pixels of the longer baseline; `net` searches each baseline over its
+    /// range instead
     #[arg(long, value_name = "N", default_value_t = BaselineRefinement::DEFAULT.num_disparities)]
     prior_disparities: u16,
 

@@ -1,11 +1,12 @@
-//! The refinement of disparities from short baselines by views at longer ones.
+//! Views at several baselines: the refinement of disparities from short ones by views at longer ones, and the merging of
+//! disparities that were found at each.
 
-use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, SearchSpace, View, Views};
+use multiscopic_core::{BlockMatchingParams, Disparity, Frame, Fusion, SearchConfig, SearchSpace, View, Views};
 
-use super::{Engine, refinement::Median};
+use super::{Engine, confidence_map, refinement::Median};
 use crate::{
     error::{Error, Result},
-    images::{DisparityMap, Frames},
+    images::{DisparityMap, Frames, Raster},
     progress::Progress,
 };
 
@@ -113,6 +114,69 @@ impl BaselineRefinement {
         }
         .checked()?;
         self.refine(engine, frames, &earlier, &BaselineRefinement::sets(frames.views()), prior, progress)
+    }
+}
+
+/// The search of views that are a multiple of the baseline away, in their own pixels. `None` if it would go beyond what a
+/// [`Disparity`] can be.
+pub(super) fn at_own_baseline(search: &SearchSpace, views: Views) -> Option<SearchSpace> {
+    let (config, multiple) = (search.config(), views.multiple());
+    let own = SearchConfig {
+        views: views.divided_by(multiple),
+        fusion: Fusion::default_for(views.len()),
+        min_disparity: config.min_disparity.checked_mul(multiple.into())?,
+        num_disparities: (config.num_disparities - 1).checked_mul(multiple.into())?.checked_add(1)?,
+        ..config
+    };
+    own.checked().ok()
+}
+
+/// The frames that a search [at its own baseline](at_own_baseline) asks for.
+///
+/// # Panics
+/// If a view is missing.
+pub(super) fn frames_at_own_baseline(frames: &Frames, views: Views) -> Frames {
+    let picture = |frame: Frame| frames.picture(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
+    let center = Frames::of_picture(picture(Frame::Center));
+    views.iter().fold(center, |own, view| match view.divided_by(views.multiple()) {
+        Some(nearer) => own.with_picture(nearer, picture(Frame::View(view))),
+        None => own,
+    })
+}
+
+/// The difference up to which disparities at two baselines are the same, in pixels of the unit baseline.
+const SAME: f32 = 0.75;
+
+/// Merges the disparities that were found at a longer baseline, in its own pixels, into those that were found at a shorter one,
+/// and the probabilities, times 255, that they are right. The `multiples` of the baseline are in ascending order.
+///
+/// Where both agree to [`SAME`] pixels, their mean counts, in which each is weighted by the square of its multiple, since the
+/// noise falls in proportion. Elsewhere at most one of them is right, and the more probable one counts.
+pub(super) fn merge(
+    multiples: [u8; 2],
+    (shorter, sure): (&mut DisparityMap, &mut Raster<u8>),
+    (longer, longer_sure): (&DisparityMap, &Raster<u8>),
+) {
+    let weights = multiples.map(|multiple| f32::from(multiple).powi(2));
+    let found = longer.pixels().iter().zip(longer_sure.pixels());
+    for ((disparity, sure), (far, far_sure)) in shorter.pixels_mut().iter_mut().zip(sure.pixels_mut()).zip(found) {
+        let Some(far) = far.map(|far| f32::from(far) / f32::from(multiples[1])) else { continue };
+        let [p, q] = [*sure, *far_sure].map(|sure| f64::from(sure) / 255.0);
+        let (merged, probability) = match disparity.map(f32::from) {
+            None => (far, q),
+            Some(near) if (near - far).abs() <= SAME => {
+                ((weights[0] * near + weights[1] * far) / (weights[0] + weights[1]), p.max(q))
+            }
+            Some(near) => {
+                let [near_alone, far_alone, neither] = [p * (1.0 - q), q * (1.0 - p), (1.0 - p) * (1.0 - q)];
+                let (disparity, alone) = if far_alone > near_alone { (far, far_alone) } else { (near, near_alone) };
+                // Both cannot be certain.
+                let all = near_alone + far_alone + neither;
+                (disparity, if all > 0.0 { alone / all } else { 0.5 })
+            }
+        };
+        *disparity = Disparity::from_bits((merged * Disparity::STEPS as f32).round() as i16);
+        *sure = confidence_map::of_probability(probability);
     }
 }
 

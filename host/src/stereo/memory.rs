@@ -6,6 +6,7 @@ use multiscopic_core::{Frame, SearchSpace};
 
 use super::{
     Engine, Paths,
+    baselines::{self, BaselineRefinement},
     cost::mccnn::Architecture,
     method::{Method, Pipeline},
     network::Bands,
@@ -18,7 +19,18 @@ impl Method {
     /// Of graph cuts it is counted. Of others it is a line through what the program took at up to eight views and 64
     /// disparities, rounded up: up to twice as much, or a little more if no image has colors.
     pub fn bytes(&self, search: &SearchSpace, frames: &Frames) -> u64 {
-        self.bytes_of_all(&self.refinement.margin.widened(search), frames)
+        let bytes = |search: &SearchSpace| self.bytes_of_all(&self.refinement.margin.widened(search), frames);
+        self.searches(search).iter().map(bytes).max().unwrap_or_default()
+    }
+
+    /// The searches of a match, one after the other: with the network, each of several baselines has its own.
+    fn searches(&self, search: &SearchSpace) -> Vec<SearchSpace> {
+        let sets = BaselineRefinement::sets(search.views());
+        let longer = match (&self.pipeline, self.long_baselines, &sets[..]) {
+            (Pipeline::Network(_), Some(_), [_, longer @ ..]) => longer,
+            _ => &[],
+        };
+        [*search].into_iter().chain(longer.iter().filter_map(|&views| baselines::at_own_baseline(search, views))).collect()
     }
 
     /// [`bytes`](Method::bytes) of a search that has its margin.
@@ -62,11 +74,14 @@ impl Method {
 
     /// Estimates [`bytes`](Method::bytes), in bands if the network does not fit at once.
     pub(super) fn least_bytes(&self, search: &SearchSpace, frames: &Frames, engine: &Engine) -> u64 {
-        let search = &self.refinement.margin.widened(search);
-        match self.bands(search, frames, engine) {
-            Some(bands) => image_bytes(search) + bands.bytes(search),
-            None => self.bytes_of_all(search, frames),
-        }
+        let bytes = |search: &SearchSpace| {
+            let search = &self.refinement.margin.widened(search);
+            match self.bands(search, frames, engine) {
+                Some(bands) => image_bytes(search) + bands.bytes(search),
+                None => self.bytes_of_all(search, frames),
+            }
+        };
+        self.searches(search).iter().map(bytes).max().unwrap_or_default()
     }
 }
 

@@ -7,7 +7,7 @@ use multiscopic_core::{BlockMatchingParams, Census, ConfidenceTable, Frame, Sear
 use super::{
     Engine, SemiGlobal,
     aggregation::{Aggregation, CrossBased},
-    baselines::BaselineRefinement,
+    baselines::{self, BaselineRefinement},
     confidence_map::{self, ConfidenceMap},
     cost::{
         BirchfieldTomasi, BlockRows, Volume,
@@ -203,7 +203,7 @@ impl Method {
     }
 
     /// [`disparities`](Method::disparities), and how confident they are. If the views are at several baselines, the evidence is
-    /// that of the shortest.
+    /// that of the shortest, and with the network that of all.
     ///
     /// # Errors
     /// As [`disparities`](Method::disparities).
@@ -274,12 +274,43 @@ impl Method {
         let map = match (self.long_baselines, &sets[..]) {
             (Some(long_baselines), [shortest, longer @ ..]) if !longer.is_empty() => {
                 let search = search.with_views(*shortest)?;
-                let map = self.disparities_together(engine, frames, &search, evidence, progress)?;
-                long_baselines.refine(engine, frames, &search, longer, map, progress)?
+                let (map, rest) = match self.pipeline {
+                    Pipeline::Network(_) => self.merged_baselines(engine, frames, &search, longer, evidence, progress)?,
+                    _ => (self.disparities_together(engine, frames, &search, evidence, progress)?, longer),
+                };
+                if rest.is_empty() { map } else { long_baselines.refine(engine, frames, &search, rest, map, progress)? }
             }
             _ => self.disparities_together(engine, frames, search, evidence, progress)?,
         };
         Ok(self.with_sub_pixels(engine, frames, search.views(), search.min_disparity()..=search.max_disparity(), map))
+    }
+
+    /// Estimates disparities by the views of `search` and then by each of the sets at longer baselines in its own pixels, as
+    /// far as these can be searched, merged with those before, and the probabilities that they are right. Returns the sets that
+    /// are left.
+    fn merged_baselines<'v>(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        search: &SearchSpace,
+        longer: &'v [Views],
+        evidence: Option<&mut Raster<u8>>,
+        progress: &dyn Progress,
+    ) -> Result<(DisparityMap, &'v [Views])> {
+        let no_evidence = || Raster::filled(search.width(), search.height(), 0);
+        let (mut own, mut multiple) = (no_evidence(), search.views().multiple());
+        let confidences = evidence.unwrap_or(&mut own);
+        let mut map = self.disparities_together(engine, frames, search, Some(&mut *confidences), progress)?;
+        for (n, &views) in longer.iter().enumerate() {
+            let Some(search) = baselines::at_own_baseline(search, views) else { return Ok((map, &longer[n..])) };
+            let frames = baselines::frames_at_own_baseline(frames, views);
+            let mut sure = no_evidence();
+            let found = self.disparities_together(engine, &frames, &search, Some(&mut sure), progress)?;
+            let multiples = [multiple, views.multiple()];
+            baselines::merge(multiples, (&mut map, confidences), (&found, &sure));
+            multiple = views.multiple();
+        }
+        Ok((map, &[]))
     }
 
     /// Refines disparities of the centre of `frames` that are known beforehand, in pixels of one baseline, by all views, and

@@ -4,7 +4,7 @@
 use std::{cell::RefCell, iter};
 
 use multiscopic::{
-    Engine, Frames, Method, Metrics, Raster, Simd,
+    DisparityMap, Engine, Frames, Method, Metrics, Raster, Simd,
     scene::RandomScene,
     stereo::{
         Pipeline,
@@ -13,7 +13,7 @@ use multiscopic::{
     },
 };
 use multiscopic_core::{
-    Disparity, Fusion as CoreFusion, SearchConfig, SearchSpace, View, Views,
+    Disparity, Frame, Fusion as CoreFusion, SearchConfig, SearchSpace, View, Views,
     network::{
         NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError, QuantizedOutput, TRAINED_WEIGHTS,
         WeightError,
@@ -192,6 +192,54 @@ fn inputs_equal_the_reference() {
         let expected = DisparityNetwork::trained().disparities(found, &search, engine);
         assert_eq!((map, confidences), expected);
     });
+}
+
+/// Each baseline is matched by itself, and what was found at both is merged.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
+fn several_baselines_are_matched_one_by_one_and_merged() {
+    let engine = Engine::new(None, 1).expect("a thread");
+    let far = |view: View| view.times(3).expect("three baselines");
+    let near = Views::HORIZONTAL;
+    let all: Views = near.iter().chain(near.iter().map(far)).collect();
+    let [mut agreed, mut chosen] = [0; 2];
+    for seed in 0..6 {
+        let frames = RandomScene::new(seed, 0, [120, 90]).ideal().render(all).color_frames();
+        let search = |views: Views, min_disparity: i16, num_disparities: u16| {
+            let config =
+                SearchConfig { views, fusion: CoreFusion::Min, min_disparity, num_disparities, ..SearchConfig::of_size(120, 90) };
+            config.checked().expect("a search")
+        };
+        let run = |frames: &Frames, search: SearchSpace| {
+            Method::net().disparities_and_confidences(&engine, frames, &search, &()).expect("a match")
+        };
+        let at_three = near.iter().fold(Frames::of_picture(frames.picture(Frame::Center).expect("a centre")), |own, view| {
+            own.with_picture(view, frames.picture(Frame::View(far(view))).expect("a view"))
+        });
+        let (found, sure) = run(&frames, search(all, -1, 14));
+        let (short, short_sure) = run(&frames, search(near, -1, 14));
+        let (long, long_sure) = run(&at_three, search(near, -3, 40));
+        for (u, v) in (0..90).flat_map(|v| (0..120).map(move |u| (u, v))) {
+            let disparity = |map: &DisparityMap| f64::from(f32::from(map.get(u, v).expect("the network is dense")));
+            let probability = |map: &Raster<u8>| f64::from(map.get(u, v)) / 255.0;
+            let [a, b] = [disparity(&short), disparity(&long) / 3.0];
+            let [p, q] = [probability(&short_sure), probability(&long_sure)];
+            let expected = if (a - b).abs() <= 0.75 {
+                agreed += 1;
+                vec![((a + 9.0 * b) / 10.0, p.max(q))]
+            } else {
+                chosen += 1;
+                let sum = p * (1.0 - q) + q * (1.0 - p) + (1.0 - p) * (1.0 - q);
+                let [first, second] = [(a, p * (1.0 - q) / sum), (b, q * (1.0 - p) / sum)];
+                if p == q { vec![first, second] } else { vec![if p > q { first } else { second }] }
+            };
+            let is_found = |(d, p): &(f64, f64)| {
+                (disparity(&found) - d).abs() <= 1.0 / 64.0 && (probability(&sure) - p).abs() <= 1.0 / 255.0
+            };
+            assert!(expected.iter().any(is_found), "seed {seed} at {u}, {v}: {expected:?}");
+        }
+    }
+    assert!(agreed > 50_000 && chosen > 500, "{agreed} agree, {chosen} do not");
 }
 
 /// The disparities and confidences of the matcher for microcontrollers.

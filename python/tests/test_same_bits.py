@@ -138,14 +138,15 @@ def test_several_baselines(program, tmp_path, images):
         multiscopic.write_png(tmp_path / f"{name}.png", image)
     source = [*files(tmp_path, ["center", "right"]), "--view", f"2,0={tmp_path / 'far.png'}"]
     maps = []
-    for options in [{}, {"prior_disparities": 4, "prior_median": 7}, {"together": True}]:
+    blocks = {"method": "bm"}
+    for options in [{}, {"together": True}, blocks, blocks | {"prior_disparities": 4, "prior_median": 7}]:
         disparity, confidence = matched_by_program(program, tmp_path, source, RANGE | options)
         views = {(2, 0): images["far"]}
         result = multiscopic.match(images["center"], right=images["right"], views=views, **RANGE, **options)
         assert_same_bits(result.disparity, disparity)
         assert np.array_equal(result.confidence, confidence)
         maps.append(disparity)
-    assert not np.array_equal(maps[0], maps[1]) and not np.array_equal(maps[0], maps[2])
+    assert not np.array_equal(maps[0], maps[1]) and not np.array_equal(maps[2], maps[3])
 
 
 def with_12_bits(image):

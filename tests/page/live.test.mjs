@@ -20,6 +20,9 @@ async function matched(page, act) {
   return page.evaluate(() => window.matchedSettings);
 }
 
+// Waits for the disparities of a new rig by the method of match, which follow those of block matching.
+const showsNet = (page) => page.waitForFunction(() => /^net, /.test(document.getElementById("state").textContent));
+
 // Sets controls by their options, as a user does: their values change, and they say so.
 const set = (page, settings) =>
   page.evaluate((settings) => {
@@ -58,7 +61,7 @@ const tune = await Server.start(program, ["tune", rig]);
 const { page } = await tune.open(browser, [1400, 1000], "light");
 
 await check("the page of a rig opens with its disparities, by the method of match", async () => {
-  await page.waitForFunction(() => /^net, /.test(document.getElementById("state").textContent));
+  await showsNet(page);
   await assertIsMatch(page, "at first");
   await page.screenshot({ path: join(screenshots, "tune-wide-light.png"), fullPage: true });
 });
@@ -223,8 +226,10 @@ await check("a set is taken, its steps are told, and it is matched", async () =>
   await matched(page, () => page.click("#take"));
   assert((await steps).some((step) => /(moving|settling|capturing|captured|returning)/.test(step)), await steps);
   assert.deepEqual(readdirSync(sets), ["0001"]);
+  await showsNet(page);
   await assertIsMatch(page, "the set");
   await matched(page, () => page.click("#take"));
+  await showsNet(page);
   await page.waitForFunction(() => document.getElementById("history").options.length === 2);
   assert.equal(await page.$eval("#history", (list) => list.value), "0002");
   await page.screenshot({ path: join(screenshots, "live-wide-dark.png"), fullPage: true });

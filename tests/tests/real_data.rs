@@ -6,7 +6,7 @@ use std::{error::Error, path::Path};
 
 use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic::Alignment;
-use multiscopic_core::{Frame, Region, SearchConfig, kernel::Portable};
+use multiscopic_core::{Evened, Frame, Histogram, Matcher, Region, SearchConfig, View, kernel::Portable};
 use multiscopic_reference::{
     Fusion::{self, Heuristic, Mean, Min},
     raw16,
@@ -18,7 +18,7 @@ use multiscopic_tests::{
         ViewSet,
         core_match::{matched, params},
         misaligned, read_pfm,
-        real_data::{self, Dataset},
+        real_data::{self, Dataset, Scene},
     },
 };
 
@@ -304,6 +304,42 @@ fn part(root: &Path, dataset: Dataset, scene: &str, left: usize, top: usize) -> 
     Ok(())
 }
 
+/// Tables of grey values, made of the frames alone, mend a view that is darker and has another contrast.
+fn tables_mend_a_dark_view(root: &Path, scene: &str) -> Result<(), Failed> {
+    let Scene { images, truth } = Dataset::Middlebury2006Third.read(root, scene);
+    let images = images.only([false, true, false, false]);
+    let darker = |gray: &u8| (255.0 * 0.58 * (f64::from(*gray) / 255.0).powf(1.5)).round() as u8;
+    let dark = images.views[1].iter().flatten().map(darker).collect();
+    let dark = ViewSet { views: [None, Some(dark), None, None], ..images.clone() };
+    let params = params(images.width, images.height, [false, true, false, false], Min, 1, 30, 11);
+    let histogram = |image: &[u8]| {
+        let mut histogram = Histogram::new();
+        image.chunks(images.width).for_each(|line| histogram.count(line));
+        histogram
+    };
+    // Bad1 of block matching by the core.
+    let wrong = |images: &ViewSet, tables: &[(View, [u8; 256])]| -> Result<f64, Failed> {
+        let frames = images.frames();
+        let mut source = Evened::new(&frames, tables);
+        let mut memory = vec![0; params.memory_words()];
+        let mut matcher = Matcher::new(&params, &mut memory)?;
+        let (mut line, mut estimate) = (vec![None; images.width], Vec::new());
+        while matcher.next_line(&mut source, &mut line)?.is_some() {
+            estimate.extend(line.iter().map(|d| d.map(|d| f64::from(f32::from(d)))));
+        }
+        Ok(real_data::errors(&estimate, &truth)[3])
+    };
+    let view = dark.views[1].as_deref().ok_or("a right view")?;
+    let tables = [(View::RIGHT, histogram(view).table_to(&histogram(&dark.center)))];
+    let [bright, ruined, mended] = [wrong(&images, &[])?, wrong(&dark, &[])?, wrong(&dark, &tables)?];
+    if ruined < 2.0 * bright || mended > 1.1 * bright {
+        let message =
+            format!("{scene}: {bright:.2} % of the pixels are wrong, {ruined:.2} if it is dark, {mended:.2} with a table");
+        return Err(message.into());
+    }
+    Ok(())
+}
+
 /// The focal length of Middlebury 2006 at third size, in pixels.
 const FOCAL: f64 = 3740.0 / 3.0;
 
@@ -455,6 +491,10 @@ fn main() {
     for known in KNOWN {
         let name = format!("known_errors::{}", known.scene);
         add(name, cfg!(debug_assertions), Box::new(move |root| known_errors(root, &known)));
+    }
+    for scene in ["Aloe", "Rocks1"] {
+        let run = move |root: &Path| tables_mend_a_dark_view(root, scene);
+        add(format!("tables_mend_a_dark_view::{scene}"), cfg!(debug_assertions), Box::new(run));
     }
     add("two_views_have_a_quarter_less_error".into(), cfg!(debug_assertions), Box::new(reduction));
     for (dataset, scene, left, top) in PARTS {

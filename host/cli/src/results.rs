@@ -1,6 +1,6 @@
 //! The result of each method on each scene, and the table of all of them and their means.
 
-use multiscopic::evaluation::{ConfidenceMetrics, Metrics};
+use multiscopic::evaluation::{ConfidenceMetrics, LightFieldMetrics, Metrics};
 use serde::{Deserialize, Serialize};
 
 /// The errors of one method on one scene, or whatever else of `M` was measured: a record of `evaluate --json`.
@@ -34,6 +34,9 @@ pub struct Record<M = Metrics> {
     /// The quality of the confidences, if that was measured.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<ConfidenceMetrics>,
+    /// The errors in the benchmark's own measures, of a light field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_field: Option<LightFieldMetrics>,
     /// The time that matching took, with the confidences. `None` in what several machines measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
@@ -53,9 +56,22 @@ impl<M> Record<M> {
 
     /// The same with other metrics.
     pub fn with_metrics<N>(self, metrics: N) -> Record<N> {
-        let Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics: _, confidence, seconds } =
-            self;
-        Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics, confidence, seconds }
+        let Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics: _, .. } = self;
+        let Record { confidence, light_field, seconds, .. } = self;
+        Record {
+            dataset,
+            scene,
+            method,
+            views,
+            layout,
+            baselines,
+            camera_steps,
+            fusion,
+            metrics,
+            confidence,
+            light_field,
+            seconds,
+        }
     }
 }
 
@@ -168,22 +184,55 @@ fn mean_reduction(variant: &str, scenes: &[&Record], records: &[Record]) -> Opti
 pub const CONFIDENCE_HEADINGS: [&str; 9] =
     ["scene", "method", "AUC", "optimum", "ROC-AUC", "ECE", "Bad1 at 90 %", "80 %", "70 %"];
 
-/// Returns a table of the confidences' quality: one row for each record that has them and, if there are several scenes, the
-/// means of each variant.
-pub fn confidence_rows(records: &[Record]) -> Vec<[String; 9]> {
-    let cells = |scene: &str, variant: &str, metrics: &ConfidenceMetrics| {
-        let ConfidenceMetrics { auc, auc_optimal, roc_auc, ece, bad_1_at_90, bad_1_at_80, bad_1_at_70 } = *metrics;
-        let [auc, auc_optimal] = [auc, auc_optimal].map(|area| format!("{area:.4}"));
-        let [roc_auc, ece] = [roc_auc, ece].map(|share| format!("{share:.3}"));
-        let [at_90, at_80, at_70] = [bad_1_at_90, bad_1_at_80, bad_1_at_70].map(|percent| format!("{percent:.2}"));
-        [scene.into(), variant.into(), auc, auc_optimal, roc_auc, ece, at_90, at_80, at_70]
+/// Returns a table of the confidences' quality.
+pub fn confidence_rows(records: &[Record]) -> Vec<Vec<String>> {
+    measured_rows(
+        records,
+        |record| record.confidence,
+        ConfidenceMetrics::mean,
+        |metrics| {
+            let ConfidenceMetrics { auc, auc_optimal, roc_auc, ece, bad_1_at_90, bad_1_at_80, bad_1_at_70 } = *metrics;
+            let areas = [auc, auc_optimal].map(|area| format!("{area:.4}"));
+            let shares = [roc_auc, ece].map(|share| format!("{share:.3}"));
+            let percents = [bad_1_at_90, bad_1_at_80, bad_1_at_70].map(|percent| format!("{percent:.2}"));
+            areas.into_iter().chain(shares).chain(percents).collect()
+        },
+    )
+}
+
+/// The headings of [`light_field_rows`].
+pub const LIGHT_FIELD_HEADINGS: [&str; 6] = ["scene", "method", "BadPix 0.07", "0.03", "0.01", "MSE x 100"];
+
+/// Returns a table of the errors of light fields in the benchmark's own measures.
+pub fn light_field_rows(records: &[Record]) -> Vec<Vec<String>> {
+    measured_rows(
+        records,
+        |record| record.light_field,
+        LightFieldMetrics::mean,
+        |metrics| {
+            let LightFieldMetrics { bad_pix_0_07, bad_pix_0_03, bad_pix_0_01, mse_x100 } = *metrics;
+            let percents = [bad_pix_0_07, bad_pix_0_03, bad_pix_0_01].map(|percent| format!("{percent:.2}"));
+            percents.into_iter().chain([format!("{mse_x100:.3}")]).collect()
+        },
+    )
+}
+
+/// One row for each record that has what was measured and, if there are several scenes, the means of each variant: the scene, the
+/// variant, and the cells.
+fn measured_rows<M>(
+    records: &[Record],
+    of: impl Fn(&Record) -> Option<M>,
+    mean: impl Fn(&[M]) -> Option<M>,
+    cells: impl Fn(&M) -> Vec<String>,
+) -> Vec<Vec<String>> {
+    let row = |scene: &str, variant: &str, metrics: &M| {
+        [scene, variant].map(String::from).into_iter().chain(cells(metrics)).collect::<Vec<String>>()
     };
-    let of_scene = |record: &Record| Some(cells(&record.scene, &record.variant(), record.confidence.as_ref()?));
+    let of_scene = |record: &Record| Some(row(&record.scene, &record.variant(), &of(record)?));
     let mean = |variant: &String| {
-        let metrics: Vec<ConfidenceMetrics> =
-            records.iter().filter(|record| record.variant() == *variant).filter_map(|record| record.confidence).collect();
-        let mean = ConfidenceMetrics::mean(&metrics).filter(|_| metrics.len() > 1)?;
-        Some(cells(&format!("mean of {}", metrics.len()), variant, &mean))
+        let metrics: Vec<M> = records.iter().filter(|record| record.variant() == *variant).filter_map(&of).collect();
+        let mean = mean(&metrics).filter(|_| metrics.len() > 1)?;
+        Some(row(&format!("mean of {}", metrics.len()), variant, &mean))
     };
     records.iter().filter_map(of_scene).chain(variants(records).iter().filter_map(mean)).collect()
 }
@@ -203,12 +252,6 @@ fn variants(records: &[Record]) -> Vec<String> {
 pub fn to_text(rows: &[ResultRow], limit: Option<usize>) -> String {
     let cells: Vec<Vec<String>> = rows.iter().map(|row| row.cells().into()).collect();
     text_table(&ResultRow::HEADINGS, &cells, 2, limit)
-}
-
-/// The [`confidence_rows`] as a table in plain text, cut to a width of `limit` characters.
-pub fn confidences_to_text(rows: &[[String; 9]], limit: Option<usize>) -> String {
-    let cells: Vec<Vec<String>> = rows.iter().map(|row| row.to_vec()).collect();
-    text_table(&CONFIDENCE_HEADINGS, &cells, 2, limit)
 }
 
 /// Rows under headings, with a line of dashes below the headings and wherever the first cell changes. The first `names` columns
@@ -299,6 +342,7 @@ mod tests {
             fusion,
             metrics,
             confidence: None,
+            light_field: None,
             seconds: Some(0.25),
         }
     }

@@ -74,6 +74,60 @@ impl Metrics {
     }
 }
 
+/// The errors by which the 4D light field benchmark compares methods: of disparities between neighbouring cameras, over the
+/// pixels that are 15 pixels or more from the border.
+///
+/// An invalid pixel counts as bad, and enters the mean as a disparity of 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LightFieldMetrics {
+    /// The percentage of pixels with an error above 0.07 pixels: the benchmark's BadPix.
+    pub bad_pix_0_07: f64,
+    /// The percentage of pixels with an error above 0.03 pixels.
+    pub bad_pix_0_03: f64,
+    /// The percentage of pixels with an error above 0.01 pixels.
+    pub bad_pix_0_01: f64,
+    /// The mean square error, in hundredths of a square pixel.
+    pub mse_x100: f64,
+}
+
+impl LightFieldMetrics {
+    /// The pixels at the border that do not count.
+    const BORDER: usize = 15;
+
+    /// The errors of `estimate`, both it and `truth` at a baseline of so many `steps` from camera to camera. `None` if no
+    /// disparity inside the border is known.
+    ///
+    /// # Panics
+    /// If the two maps differ in size.
+    pub fn new(estimate: &DisparityMap, truth: &FloatImage, steps: f64) -> Option<LightFieldMetrics> {
+        let size @ [width, height] = [estimate.width(), estimate.height()];
+        assert_eq!([truth.width(), truth.height()], size, "the size of the ground truth");
+        let inner = |side: usize| LightFieldMetrics::BORDER..side.saturating_sub(LightFieldMetrics::BORDER);
+        let pixels = inner(height).flat_map(|v| inner(width).map(move |u| (u, v)));
+        let known = pixels.map(|(u, v)| (estimate.get(u, v), truth.get(u, v))).filter(|(_, truth)| truth.is_finite());
+        let errors: Vec<PixelError> = known.map(|(d, truth)| PixelError::new(d, truth)).collect();
+        let mean = |value: &dyn Fn(&PixelError) -> f64| errors.iter().map(value).sum::<f64>() / errors.len() as f64;
+        let bad = |limit: f64| 100.0 * mean(&|error| f64::from(!error.valid || error.pixels > limit * steps));
+        (!errors.is_empty()).then(|| LightFieldMetrics {
+            bad_pix_0_07: bad(0.07),
+            bad_pix_0_03: bad(0.03),
+            bad_pix_0_01: bad(0.01),
+            mse_x100: 100.0 * mean(&|error| (error.pixels / steps).powi(2)),
+        })
+    }
+
+    /// The mean of each metric, or `None` if `all` is empty.
+    pub fn mean(all: &[LightFieldMetrics]) -> Option<LightFieldMetrics> {
+        let mean = |value: fn(&LightFieldMetrics) -> f64| all.iter().map(value).sum::<f64>() / all.len() as f64;
+        (!all.is_empty()).then(|| LightFieldMetrics {
+            bad_pix_0_07: mean(|m| m.bad_pix_0_07),
+            bad_pix_0_03: mean(|m| m.bad_pix_0_03),
+            bad_pix_0_01: mean(|m| m.bad_pix_0_01),
+            mse_x100: mean(|m| m.mse_x100),
+        })
+    }
+}
+
 /// The error of one pixel.
 #[derive(Clone, Copy)]
 struct PixelError {
@@ -279,6 +333,22 @@ mod tests {
     fn the_mean_is_taken_of_each_metric() {
         let scene = |x: f64| Metrics { rms: x, avg_err: 2.0 * x, bad_0_5: 3.0 * x, bad_1: 4.0 * x, bad_2: 5.0 * x, coverage: x };
         assert_eq!(Metrics::mean(&[scene(0.25), scene(0.75)]), Some(scene(0.5)));
+    }
+
+    #[test]
+    fn light_fields_count_in_camera_steps_without_a_border() {
+        // Inside the border, 2 x 1 pixels: errors of a quarter of a pixel in four steps, and an invalid one of 1 pixel.
+        let inner = |u: usize, v: usize| (15..17).contains(&u) && v == 15;
+        let pixels = || (0..31).flat_map(|v| (0..32).map(move |u| (u, v)));
+        let disparity = |(u, v)| Disparity::from_bits(if inner(u, v) { 80 } else { -640 }).filter(|_| u != 16);
+        let estimate = DisparityMap::new(32, 31, pixels().map(disparity).collect());
+        let truth = FloatImage::filled(32, 31, 1.0);
+        let metrics = LightFieldMetrics::new(&estimate, &truth, 4.0);
+        let expected =
+            LightFieldMetrics { bad_pix_0_07: 50.0, bad_pix_0_03: 100.0, bad_pix_0_01: 100.0, mse_x100: 100.0 * 1.0625 / 32.0 };
+        assert_eq!(metrics, Some(expected));
+        assert_eq!(LightFieldMetrics::mean(&[expected, LightFieldMetrics::default()]).map(|mean| mean.bad_pix_0_03), Some(50.0));
+        assert_eq!(LightFieldMetrics::new(&estimate, &truth.map(|_| f32::NAN), 4.0), None);
     }
 
     /// Right and wrong pixels with their confidences, and one that is invalid.

@@ -10,5 +10,5 @@ mod wall_metrics;
 pub use dataset::{CameraSteps, Dataset};
 pub use dataset_scene::DatasetScene;
 pub use depth_errors::{DepthErrors, TemporalNoise};
-pub use metrics::{ConfidenceMetrics, Metrics, Sparsification};
+pub use metrics::{ConfidenceMetrics, LightFieldMetrics, Metrics, Sparsification};
 pub use wall_metrics::{PlaneFit, WallMetrics, WallPlace};

@@ -111,6 +111,7 @@ impl Variant {
             fusion: self.fusion.name().into(),
             metrics,
             confidence: None,
+            light_field: None,
             seconds: Some(seconds),
         }
     }

@@ -148,9 +148,15 @@ pub fn write_json(records: &[impl Serialize], path: &Path) -> Result<()> {
 
 /// Prints the tables of results on a data set.
 pub fn print_tables(records: &[Record]) -> Result<()> {
-    let (rows, confidences) = (results::rows(records), results::confidence_rows(records));
     let limit = terminal::columns();
-    terminal::print(&format!("{}\n{}", results::to_text(&rows, limit), results::confidences_to_text(&confidences, limit)))
+    let errors = results::to_text(&results::rows(records), limit);
+    let measured: [(&[&str], _); 2] = [
+        (&results::CONFIDENCE_HEADINGS, results::confidence_rows(records)),
+        (&results::LIGHT_FIELD_HEADINGS, results::light_field_rows(records)),
+    ];
+    let tables = measured.iter().filter(|(_, rows)| !rows.is_empty());
+    let tables = tables.map(|(headings, rows)| format!("\n{}", results::text_table(headings, rows, 2, limit)));
+    terminal::print(&[errors].into_iter().chain(tables).collect::<String>())
 }
 
 /// The references that captured folders are compared with.

@@ -5,9 +5,9 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
-    CELL_SIDE, Trials,
     cuts::{Band, BandGraph},
     expansion_move::{ExpansionMove, NO_OWNER, OUTSIDE, Run, TO_BELOW, TO_RIGHT, slot_at, slots, stride_of},
+    trials::{CELL_SIDE, Trials},
 };
 use crate::stereo::optimization::graph_cuts::{
     energy::Energy,

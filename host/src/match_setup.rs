@@ -118,6 +118,12 @@ impl MatchSetup {
         Ok(MatchSetup { alignment: Some(alignment), ..setup })
     }
 
+    /// A method whose confidences know what is beyond the range, and the frames [as it takes them](Inspection::frames_for).
+    pub fn suited(&self, method: Method, frames: Frames) -> (Method, Frames) {
+        let frames = self.inspection.frames_for(&method, frames);
+        (method.with_share_beyond(self.inspection.share_beyond(&self.search)), frames)
+    }
+
     /// The truth of the prepared centre, given that of the centre in its file.
     pub fn truth(&self, truth: FloatImage) -> FloatImage {
         match &self.alignment {

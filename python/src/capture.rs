@@ -101,8 +101,7 @@ impl Capture {
             let mut frames = self.frames();
             let setup = self.prepare(&mut frames, options)?;
             let search = setup.search;
-            let method = options.method(&frames)?.with_share_beyond(setup.inspection.share_beyond(&search));
-            frames = setup.inspection.frames_for(&method, frames);
+            let (method, frames) = setup.suited(options.method(&frames)?, frames);
             let engine = options.engine()?;
             let (mut map, confidences) = match (options.prior(), options.has_confidence()) {
                 (Some(prior), _) => (method.disparities_around(&engine, &frames, prior.clone(), progress)?, None),

@@ -41,7 +41,7 @@ impl Geometry {
     /// The geometry of images that are shrunk by a factor.
     pub fn shrunk(self, factor: u32) -> Geometry {
         let factor = f64::from(factor);
-        let principal_point = self.principal_point.map(|at| (at + 0.5) / factor - 0.5);
+        let principal_point = shrunk_point(self.principal_point, factor);
         Geometry { focal_px: self.focal_px / factor, principal_point, doffs: self.doffs / factor, ..self }
     }
 
@@ -86,6 +86,11 @@ impl Geometry {
         let [cx, cy] = self.principal_point;
         Some([(u as f64 - cx) * z / self.focal_px, (v as f64 - cy) * z / self.focal_px, z])
     }
+}
+
+/// The place of a point in images that are shrunk by a factor: the top left pixel's centre is at `[0, 0]` in both.
+pub(crate) fn shrunk_point(point: [f64; 2], factor: f64) -> [f64; 2] {
+    point.map(|at| (at + 0.5) / factor - 0.5)
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ pub use multiscopic_engine::{DisparityMap, FloatImage, Raster};
 pub use color_scale::{ColorScale, Colormap, turbo};
 pub use frames::{Frames, Layout};
 pub use geometry::Geometry;
+pub(crate) use geometry::shrunk_point;
 pub use interpolated::SampledDisplacements;
 pub(crate) use interpolated::{InterpolatedImage, extended_pixel};
 #[cfg(all(target_os = "linux", feature = "v4l2"))]

@@ -9,6 +9,7 @@ use super::distortion::Lens;
 use crate::{
     error::{Error, Result},
     files::{input, output},
+    images::shrunk_point,
 };
 
 /// The camera that a calibration finds. Pixel `(u, v)` has its centre at whole coordinates, as in OpenCV, ROS and Kalibr.
@@ -35,7 +36,7 @@ impl CameraModel {
     pub fn shrunk(self, factor: u32) -> CameraModel {
         let size = self.size.map(|size| size.map(|side| (side / factor as usize).max(1)));
         let factor = f64::from(factor);
-        let principal_point = self.principal_point.map(|at| (at + 0.5) / factor - 0.5);
+        let principal_point = shrunk_point(self.principal_point, factor);
         CameraModel { size, focal_px: self.focal_px.map(|focal_px| focal_px / factor), principal_point, lens: self.lens }
     }
 

@@ -150,8 +150,8 @@ const SAME: f32 = 0.75;
 /// Merges the disparities that were found at a longer baseline, in its own pixels, into those that were found at a shorter one,
 /// and the probabilities, times 255, that they are right. The `multiples` of the baseline are in ascending order.
 ///
-/// Where both agree to [`SAME`] pixels, their mean counts, in which each is weighted by the square of its multiple, since the
-/// noise falls in proportion. Elsewhere at most one of them is right, and the more probable one counts.
+/// The mean counts of two that agree to [`SAME`] pixels, each weighted by the square of its multiple, since the noise falls in
+/// proportion. Of two that do not, at most one is right, and the more probable one counts.
 pub(super) fn merge(
     multiples: [u8; 2],
     (shorter, sure): (&mut DisparityMap, &mut Raster<u8>),

@@ -145,9 +145,8 @@ impl View {
         for &name in methods {
             let search = preparation.search;
             let method = self.options.method(name, self.search.block_size, views.len())?;
-            let method = method.with_share_beyond(preparation.inspection.share_beyond(&search));
             let start = Instant::now();
-            let seen = preparation.inspection.frames_for(&method, frames.clone());
+            let (method, seen) = preparation.suited(method, frames.clone());
             let (mut disparities, mut confidences) = method.disparities_and_confidences(&engine, &seen, &search, &())?;
             let seconds = start.elapsed().as_secs_f64();
             mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));

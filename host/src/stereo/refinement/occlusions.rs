@@ -9,10 +9,10 @@ use crate::images::{DisparityMap, Raster};
 /// background.
 ///
 /// Pixels are holes if their confidence is at most [`most_unsure`](OcclusionFill::most_unsure), or if a surer pixel of another
-/// disparity has the same match. Along a line that the view moves the matches on, a nearer surface hides as many pixels behind it
-/// as its disparity is greater than that in front of the hole. So many of the hole, next to the nearer surface, become background.
-/// The rest of the hole stays as it is: the view sees it. At the side where matches leave the image, nothing tells what is hidden,
-/// and the surface inside goes on.
+/// disparity has the same match. Along a line that the view moves the matches on, a nearer surface hides as many pixels behind
+/// it as its disparity is greater than that in front of the hole. So many of the hole, next to the nearer surface, become
+/// background. The rest of the hole stays as it is: the view sees it. At the side where matches leave the image, nothing tells
+/// what is hidden, and the surface inside goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OcclusionFill {
     /// The greatest confidence of a hole.

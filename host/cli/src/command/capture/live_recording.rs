@@ -64,9 +64,7 @@ impl<'a> LiveRecording<'a> {
             None => center,
         };
         let search = preparation.search;
-        let method = MethodName::Bm.method(self.search.block_size, views.len())?;
-        let method = method.with_share_beyond(preparation.inspection.share_beyond(&search));
-        let frames = preparation.inspection.frames_for(&method, frames);
+        let (method, frames) = preparation.suited(MethodName::Bm.method(self.search.block_size, views.len())?, frames);
         let (mut disparities, mut confidences) = method.disparities_and_confidences(&self.engine, &frames, &search, &())?;
         mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
         let range = [search.min_disparity(), search.max_disparity()];

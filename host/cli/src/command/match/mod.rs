@@ -170,13 +170,12 @@ impl Match {
             Some(_) => self.matching.method_around_prior(views)?,
             None => self.matching.method(views)?,
         };
-        let method = method.with_share_beyond(preparation.inspection.share_beyond(&search));
         if let Some(folder) = &outputs.features {
             write_inputs(&Inputs::new(&frames.planes(), &search, engine, &())?, folder)?;
         }
         let color = frames.color(Frame::Center).filter(|_| outputs.report.is_some()).cloned();
         say_if_much("matching", method.bytes(&search, &frames));
-        frames = preparation.inspection.frames_for(&method, frames);
+        let (method, frames) = preparation.suited(method, frames);
         let watch = Watch::new();
         let start = Instant::now();
         let (mut disparities, mut confidences) = match (prior, outputs.has_confidences()) {

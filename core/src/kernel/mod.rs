@@ -40,8 +40,8 @@ pub(crate) use batch::{Batch, Winners};
 pub use blocks::Blocks;
 pub(crate) use blocks::Masks;
 pub use bytes::{
-    BackwardRun, ByteVector, Bytes, CandidateRun, Candidates, Divisor, ForwardRun, Kernel, LinePath, PixelLoops, PixelPaths,
-    RunLoops, RunPenalties, Slot, Step, as_vectors, as_vectors_mut, hamming_run,
+    BackwardRun, ByteVector, Bytes, CandidateRun, Candidates, DistanceFusion, Divisor, ForwardRun, Kernel, LinePath, PixelLoops,
+    PixelPaths, RunLoops, RunPenalties, Slot, Step, as_vectors, as_vectors_mut, hamming_run, mean_of_inliers,
 };
 pub use isa::{Block, Change, Column, Isa, Lane, MAX_BATCH, Work};
 pub use portable::Portable;

@@ -2,9 +2,9 @@
 
 use super::frame_lines::{BYTES, CandidatePlanes, LineRing, Pair, blur, column_sums};
 use crate::{
-    Census, Fusion, MemoryTooSmall, SearchSpace, Views,
+    Census, MemoryTooSmall, SearchSpace, Views,
     availability::Availability,
-    kernel::{Candidates, Isa, Kernel, Work, as_vectors_mut},
+    kernel::{Candidates, DistanceFusion, Isa, Kernel, Work, as_vectors_mut, mean_of_inliers},
     memory::{Lender, align, vector_bytes},
     semi_global::descriptor_at,
 };
@@ -191,7 +191,7 @@ impl<I: Kernel> CensusPairLines<'_, '_, I> {
     /// vectors. They are 255 where no view sees a candidate, and past the last disparity.
     ///
     /// Of the same line once more, descriptors are not computed again.
-    pub fn line(&mut self, v: usize, fusion: Fusion, costs: &mut [u8]) {
+    pub fn line(&mut self, v: usize, fusion: DistanceFusion, costs: &mut [u8]) {
         self.describe(v);
         // By the number of views, so that the inner loops unroll.
         match self.search.views().len() {
@@ -202,7 +202,7 @@ impl<I: Kernel> CensusPairLines<'_, '_, I> {
         }
     }
 
-    /// The costs of a single candidate of the pixel in column `u` of line `v`, fused by their least and by their mean.
+    /// The costs of a single candidate of the pixel in column `u` of line `v`, fused by [`COST_FUSIONS`](super::COST_FUSIONS).
     pub fn candidate(&mut self, [u, v]: [usize; 2], index: usize) -> [u8; 2] {
         self.describe(v);
         let (width, depth) = (self.search.width(), self.depth);
@@ -212,20 +212,21 @@ impl<I: Kernel> CensusPairLines<'_, '_, I> {
             let here = self.center_descriptors.get(k).map(|here| &**here).unwrap_or_default();
             let byte = |plane: &[u8], at: usize| u32::from(plane.get(at).copied().unwrap_or_default());
             let here = (0..BYTES).fold(0, |bits, k| bits << 8 | byte(here, k * width + u));
-            // As the kernels add distances, in eight bits.
-            let (mut least_distance, mut sum, mut views) = (u8::MAX, 0_u8, 0);
+            let mut distances = [0; Views::MAX_MATCHED];
+            let mut count_of_views = 0;
             for (view, rings) in self.search.views().iter().zip(&self.views) {
                 let is_available = view.available((u, v), size, least, count).contains(&(index as u16));
                 let Some(planes) = rings.as_ref().filter(|_| is_available).and_then(|rings| rings.planes.get(k)) else {
                     continue;
                 };
                 let there = planes.candidates(u, depth).iter().fold(0, |bits, plane| bits << 8 | byte(plane, index));
-                let distance = (here ^ there).count_ones() as u8;
-                least_distance = least_distance.min(distance);
-                sum = sum.saturating_add(distance);
-                views += 1;
+                if let Some(distance) = distances.get_mut(count_of_views) {
+                    *distance = (here ^ there).count_ones() as u8;
+                    count_of_views += 1;
+                }
             }
-            [least_distance, sum.checked_div(views).unwrap_or(u8::MAX)]
+            let distances = distances.get_mut(..count_of_views).unwrap_or_default();
+            [distances.iter().copied().min().unwrap_or(u8::MAX), mean_of_inliers(distances)]
         };
         let ([least_of_first, mean_of_first], [least_of_second, mean_of_second]) = (of_transform(0), of_transform(1));
         [least_of_first.midpoint(least_of_second), mean_of_first.midpoint(mean_of_second)]
@@ -250,7 +251,7 @@ impl<I: Kernel> CensusPairLines<'_, '_, I> {
         }
     }
 
-    fn fuse<const V: usize>(&mut self, v: usize, fusion: Fusion, costs: &mut [u8]) {
+    fn fuse<const V: usize>(&mut self, v: usize, fusion: DistanceFusion, costs: &mut [u8]) {
         self.isa.compiled(FusePair::<'_, '_, '_, I, V> { lines: self, v, fusion, costs });
     }
 }
@@ -291,7 +292,7 @@ impl Work for Describe<'_, '_, '_> {
 struct FusePair<'a, 'm, 'f, I, const V: usize> {
     lines: &'a mut CensusPairLines<'m, 'f, I>,
     v: usize,
-    fusion: Fusion,
+    fusion: DistanceFusion,
     costs: &'a mut [u8],
 }
 
@@ -324,7 +325,7 @@ impl<I: Kernel, const V: usize> Work for FusePair<'_, '_, '_, I, V> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{SearchConfig, kernel::Portable};
+    use crate::{Fusion, SearchConfig, kernel::Portable};
 
     #[test]
     fn small_frames_take_less_than_thirty_kilobytes() {

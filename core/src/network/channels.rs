@@ -1,14 +1,14 @@
 //! The inputs of the network: costs pooled over blocks for the volume part, and channels of pixels for the image part.
 //!
 //! Two passes of semi-global matching along eight paths, A and B, give disparities and sums of path costs. There are four
-//! matching costs: those of A fused by their least and by their mean over all views, then those of B. The *excess* of a candidate
-//! is what its sum has above the least sum of the pixel, in eighths rounded down, at most 127; that of a candidate which no view
-//! sees is 127.
+//! matching costs: those of A fused over all views by [their least and by the mean of inliers](COST_FUSIONS), then those of B. The
+//! *excess* of a candidate is what its sum has above the least sum of the pixel, in eighths rounded down, at most 127; that of a
+//! candidate which no view sees is 127.
 
 use core::ops::Range;
 
 use super::MAX_ACTIVATION;
-use crate::{Disparity, SearchConfig, SearchSpace};
+use crate::{Disparity, Fusion, SearchConfig, SearchSpace, kernel::DistanceFusion};
 
 /// The disparity of a block of pixels that the volume part finds, from the least of the search on in steps, and how sure it is,
 /// from 0 to 127.
@@ -30,6 +30,9 @@ pub const MEASURES: usize = 11;
 ///   no view sees,
 /// - the mean, rounded down, and the least of the excesses in B, then in A.
 pub const CANDIDATE_CHANNELS: usize = 8;
+
+/// The fusions of the costs of a pass.
+pub const COST_FUSIONS: [DistanceFusion; 2] = [DistanceFusion::Rule(Fusion::Min), DistanceFusion::Inliers];
 
 /// A cost is at most this where costs are pooled: that of a candidate which no view sees.
 pub const MAX_POOLED_COST: u8 = 63;

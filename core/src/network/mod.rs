@@ -22,8 +22,8 @@ mod pixel_head;
 
 pub use census_pair_lines::{CensusPair, CensusPairLines};
 pub use channels::{
-    BLOCK, BLOCKS, BlockDisparity, CANDIDATE_CHANNELS, MAX_POOLED_COST, MEASURES, PIXEL_CHANNELS, PixelRow, block_rows,
-    cost_channel, cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, paired, pool,
+    BLOCK, BLOCKS, BlockDisparity, CANDIDATE_CHANNELS, COST_FUSIONS, MAX_POOLED_COST, MEASURES, PIXEL_CHANNELS, PixelRow,
+    block_rows, cost_channel, cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, paired, pool,
 };
 pub use network_layers::{
     ImageLayers, LayerRecord, NetworkLayers, QuantizedOutput, Skeleton, VolumeLayers, WeightError, WeightFile,

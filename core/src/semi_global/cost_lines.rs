@@ -4,7 +4,7 @@ use crate::{
     BlockMatchingParams, Census, Frame, MatchError, Matcher, MemoryTooSmall, Region, ScanlineSource, SearchSpace, SemiGlobalCost,
     SemiGlobalParams, View, Views,
     availability::Availability,
-    kernel::{Candidates, Isa, Kernel, Work, as_vectors_mut},
+    kernel::{Candidates, DistanceFusion, Isa, Kernel, Work, as_vectors_mut},
     lines::{Lines, replicate},
     memory::{Lender, Shape},
 };
@@ -283,6 +283,7 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
     fn run(self) {
         let CostRow { isa, params, center_descriptors, views, availability, v, costs, depth } = self.0;
         let (width, count) = (params.width(), params.num_disparities());
+        let fusion = DistanceFusion::Rule(params.fusion());
         availability.enter_line(0, v, None, |_, _, _| {});
         let mut samples = [[None; N]; V];
         for (samples, view) in samples.iter_mut().zip(views.iter().flatten()) {
@@ -298,7 +299,7 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
                 let planes = samples.map(|samples| samples.map_or(&[][..], |samples| samples.column(u)));
                 *candidates = Candidates { planes, available: availability.range(k) };
             }
-            isa.hamming_costs::<N, V>(params.fusion(), descriptor, &candidates, count, as_vectors_mut::<I>(costs));
+            isa.hamming_costs::<N, V>(fusion, descriptor, &candidates, count, as_vectors_mut::<I>(costs));
         }
     }
 }

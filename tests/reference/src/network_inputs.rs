@@ -44,7 +44,8 @@ impl NetworkInputs {
             let steps = |d: Option<f64>| d.map(|d| (i64::from(fixed(d)) - 64 * i64::from(min_disparity)) as u16);
             solution.disparities().into_iter().map(steps).collect::<Vec<_>>()
         });
-        let costs = costs_of.map(|cost| [Fusion::Min, Fusion::Mean].map(|fusion| matched(fusion, cost).costs()));
+        let costs = costs_of
+            .map(|cost| [Fusion::Min, Fusion::Mean].map(|fusion| SemiGlobal { inliers: true, ..matched(fusion, cost) }.costs()));
         let costs = costs.as_flattened();
         let excess = |pass: usize, pixel: usize, index: usize| {
             let sums = &sums[pass][pixel];

@@ -46,6 +46,8 @@ pub struct SemiGlobal<'a> {
     pub others: &'a [((i32, i32), Vec<u8>)],
     /// The fusion rule.
     pub fusion: Fusion,
+    /// True if the greatest quarter of more than four costs, rounded down, is left out before they are fused.
+    pub inliers: bool,
     /// The smallest disparity of the search.
     pub min_disparity: i32,
     /// The number of disparities searched.
@@ -252,6 +254,9 @@ impl SemiGlobal<'_> {
                 let inside = matches.filter(|&(_, x, y)| self.is_inside(x, y));
                 let mut costs: Vec<i64> = inside.map(|(image, x, y)| cost((u, v), (x, y), image)).collect();
                 costs.sort();
+                if self.inliers && costs.len() > 4 {
+                    costs.truncate(costs.len() - costs.len() / 4);
+                }
                 let mean = |costs: &[i64]| (costs.iter().sum::<i64>(), costs.len() as i64);
                 let (sum, count) = match (self.fusion, &costs[..]) {
                     (_, []) => return None,

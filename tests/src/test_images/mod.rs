@@ -67,6 +67,7 @@ impl ViewSet {
             views: self.views.each_ref().map(Option::as_deref),
             others: &self.others,
             fusion,
+            inliers: false,
             min_disparity,
             num_disparities,
             cost,

@@ -23,7 +23,7 @@ use multiscopic_edge::Wide;
 use multiscopic_reference::{self as reference, Fusion, NetworkInputs, semi_global::Cost, split_mix::Random};
 use multiscopic_tests::test_images::{
     ViewSet,
-    case::{Case, cases, property},
+    case::{Appearance, Case, cases, property, wide_cases},
     core_match::{engines, views},
 };
 
@@ -158,40 +158,62 @@ fn the_trained_network_equals_the_reference() {
 #[test]
 fn inputs_equal_the_reference() {
     let engines = engines(THREADS);
-    property(40, cases(40_000, 12_000), |case: &Case| {
-        let images = case.images();
-        // The network takes an even number of disparities, unless the last one is the greatest possible.
-        let is_last = case.min_disparity + case.num_disparities == 512;
-        let count = if is_last { case.num_disparities } else { (case.num_disparities + 1) / 2 * 2 };
-        let sgm = images.semi_global(case.fusion, case.min_disparity, count, Cost::Census(4, 3), [8, 48]);
-        let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
-        let fusion = match case.fusion {
-            Fusion::Min => CoreFusion::Min,
-            Fusion::Mean => CoreFusion::Mean,
-            Fusion::Heuristic => CoreFusion::Heuristic,
-            Fusion::Half => CoreFusion::Half,
-        };
-        let (width, height) = (images.width as u16, images.height as u16);
-        let set = views(images.views.each_ref().map(Option::is_some), &offsets);
-        let search = SearchConfig {
-            width,
-            height,
-            views: set,
-            fusion,
-            min_disparity: case.min_disparity as i16,
-            num_disparities: case.num_disparities as u16,
-        }
-        .checked();
-        let search = search.expect("a search of the case");
-        let engine = &engines[case.seed as usize % engines.len()];
-        let found = Inputs::new(&images.frames().planes(), &search, engine, &()).expect("the frames fit the search");
-        assert_eq!(found, product_inputs(&NetworkInputs::of_images(&sgm)));
-        let method = Method { long_baselines: None, ..Method::net() };
-        let (map, confidences) =
-            method.disparities_and_confidences(engine, &images.frames(), &search, &()).expect("the frames fit the search");
-        let expected = DisparityNetwork::trained().disparities(found, &search, engine);
-        assert_eq!((map, confidences), expected);
-    });
+    let check = |case: &Case| check_inputs(case, &engines);
+    property(40, cases(40_000, 12_000), check);
+    property(12, wide_cases(), check);
+    // More views than there are loops for.
+    for seed in 0..2 {
+        let around = (-2..=2).flat_map(|j| (-2..=2).map(move |i| (i, j)));
+        let others = around.filter(|&(i, j): &(i32, i32)| i.abs().max(j.abs()) == 2 || i * j != 0).collect();
+        check(&Case {
+            width: 40,
+            height: 24,
+            views: [true; 4],
+            others,
+            fusion: Fusion::Half,
+            min_disparity: -2,
+            num_disparities: 6,
+            block_size: 1,
+            texture: Appearance::Shifted,
+            seed,
+        });
+    }
+}
+
+/// Compares the network's inputs of a match with their definition, and the method with the network of these inputs.
+fn check_inputs(case: &Case, engines: &[Engine]) {
+    let images = case.images();
+    // The network takes an even number of disparities, unless the last one is the greatest possible.
+    let is_last = case.min_disparity + case.num_disparities == 512;
+    let count = if is_last { case.num_disparities } else { (case.num_disparities + 1) / 2 * 2 };
+    let sgm = images.semi_global(case.fusion, case.min_disparity, count, Cost::Census(4, 3), [8, 48]);
+    let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
+    let fusion = match case.fusion {
+        Fusion::Min => CoreFusion::Min,
+        Fusion::Mean => CoreFusion::Mean,
+        Fusion::Heuristic => CoreFusion::Heuristic,
+        Fusion::Half => CoreFusion::Half,
+    };
+    let (width, height) = (images.width as u16, images.height as u16);
+    let set = views(images.views.each_ref().map(Option::is_some), &offsets);
+    let search = SearchConfig {
+        width,
+        height,
+        views: set,
+        fusion,
+        min_disparity: case.min_disparity as i16,
+        num_disparities: case.num_disparities as u16,
+    }
+    .checked();
+    let search = search.expect("a search of the case");
+    let engine = &engines[case.seed as usize % engines.len()];
+    let found = Inputs::new(&images.frames().planes(), &search, engine, &()).expect("the frames fit the search");
+    assert_eq!(found, product_inputs(&NetworkInputs::of_images(&sgm)));
+    let method = Method { long_baselines: None, ..Method::net() };
+    let (map, confidences) =
+        method.disparities_and_confidences(engine, &images.frames(), &search, &()).expect("the frames fit the search");
+    let expected = DisparityNetwork::trained().disparities(found, &search, engine);
+    assert_eq!((map, confidences), expected);
 }
 
 /// Each baseline is matched by itself, and what was found at both is merged.

@@ -4,12 +4,12 @@
 use multiscopic::{Simd, stereo::Task};
 use multiscopic_core::{
     Disparity, EightPaths, SemiGlobalParams, View,
-    kernel::Kernel,
-    network::{CensusPair, CensusPairLines},
+    kernel::{DistanceFusion, Kernel},
+    network::{COST_FUSIONS, CensusPair, CensusPairLines},
 };
 use multiscopic_reference::{
     Fusion, raw16,
-    semi_global::{Cost, PATHS, SemiGlobal, Solution},
+    semi_global::{Cost, Costs, PATHS, SemiGlobal, Solution},
     split_mix::Random,
 };
 use multiscopic_tests::test_images::{
@@ -22,12 +22,16 @@ use multiscopic_tests::test_images::{
 struct Expected<'a> {
     solution: Solution<'a>,
     disparities: Vec<u16>,
+    /// The costs by each of the fusions of the network.
+    network_costs: [Costs; 2],
 }
 
 impl Expected<'_> {
     fn of<'a>(reference: &'a SemiGlobal) -> Expected<'a> {
         let solution = reference.solution();
-        Expected { disparities: solution.disparities().into_iter().map(raw16).collect(), solution }
+        let network_costs = [Fusion::Min, Fusion::Mean]
+            .map(|fusion| SemiGlobal { fusion, inliers: true, left_right: None, ..reference.clone() }.costs());
+        Expected { disparities: solution.disparities().into_iter().map(raw16).collect(), solution, network_costs }
     }
 }
 
@@ -62,7 +66,8 @@ impl Task for CheckedPass<'_> {
     fn run<I: Kernel>(mut self, isa: I) {
         let CheckedPass { pair, params, images, expected, .. } = self;
         let search = params.search();
-        let (width, height, fusion) = (search.width(), search.height(), search.fusion());
+        let (width, height) = (search.width(), search.height());
+        let fusion = DistanceFusion::Rule(search.fusion());
         let depth = search.num_disparities().next_multiple_of(I::LANES);
         let mut memory = |words: usize| (0..words).map(|_| self.random.bits() as u32).collect::<Vec<u32>>();
         let mut lent = memory(CensusPairLines::<I>::memory_words(pair, search));
@@ -74,6 +79,13 @@ impl Task for CheckedPass<'_> {
         for v in (0..8).map(|_| self.random.below(height)).collect::<Vec<_>>() {
             lines.line(v, fusion, &mut costs);
             self.check(v, &costs, &expected.solution.costs, u8::MAX.into());
+            for (fusion, expected) in COST_FUSIONS.into_iter().zip(&expected.network_costs) {
+                lines.line(v, fusion, &mut costs);
+                self.check(v, &costs, expected, u8::MAX.into());
+            }
+            let (u, index) = (self.random.below(width), self.random.below(search.num_disparities()));
+            let of_candidate = |costs: &Costs| costs[v * width + u][index].map_or(u8::MAX, |cost| cost as u8);
+            assert_eq!(lines.candidate([u, v], index), expected.network_costs.each_ref().map(of_candidate));
         }
         let mut paths = EightPaths::new(isa, params, &images.center, &mut lent_to_paths).expect("enough memory");
         let mut costs_of = |v: usize, costs: &mut [u8]| lines.line(v, fusion, costs);
@@ -104,12 +116,13 @@ fn check(case: &Case) {
     }
 }
 
-/// The views of a match that lie in the centre's row of the array: one to three.
+/// The views of a match that lie in the centre's row of the array: up to eight of them.
 fn in_a_row(case: &Case) -> Case {
     let mut random = Random(case.seed);
     // Mostly near the centre, where more candidates exist.
-    let offsets = [1, -1, 1, -1, 2, -2, 3, -5, View::MAX_OFFSET.into()];
-    let mut chosen: Vec<i32> = (0..1 + random.below(3)).map(|_| offsets[random.below(offsets.len())]).collect();
+    let offsets = [1, -1, 1, -1, 2, -2, 3, -3, -5, View::MAX_OFFSET.into()];
+    let most = [3, 12][random.below(2)];
+    let mut chosen: Vec<i32> = (0..1 + random.below(most)).map(|_| offsets[random.below(offsets.len())]).collect();
     chosen.sort();
     chosen.dedup();
     let views = [chosen.contains(&-1), chosen.contains(&1), false, false];

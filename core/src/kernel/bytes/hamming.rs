@@ -18,11 +18,36 @@ pub struct Candidates<'a, const N: usize> {
     pub available: Range<u16>,
 }
 
+/// The fusion of the Hamming distances of the views in which a candidate is available, rounded down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DistanceFusion {
+    /// By a rule.
+    Rule(Fusion),
+    /// The [`mean_of_inliers`]: with up to four views, [`Fusion::Mean`].
+    Inliers,
+}
+
+/// The mean of distances, rounded down: of more than four, without the greatest quarter, which is rounded down. Of several views
+/// on one side, all miss what is hidden from there; so the mean says about the same with any number of views. 255 of none.
+///
+/// Changes the distances.
+pub fn mean_of_inliers(distances: &mut [u8]) -> u8 {
+    let count = distances.len() as u32;
+    let outliers = if count > 4 { count / 4 } else { 0 };
+    let mut sum: u32 = distances.iter().copied().map(u32::from).sum();
+    for _ in 0..outliers {
+        if let Some(greatest) = distances.iter_mut().max() {
+            sum -= u32::from(core::mem::take(greatest));
+        }
+    }
+    sum.checked_div(count - outliers).map_or(u8::MAX, |mean| mean as u8)
+}
+
 /// The definition of [`PixelLoops::hamming_costs`](super::PixelLoops::hamming_costs).
 #[inline(always)]
 pub(in crate::kernel) fn hamming_loop<I: Bytes, const N: usize, const V: usize>(
     isa: I,
-    fusion: Fusion,
+    fusion: DistanceFusion,
     descriptor: [u8; N],
     views: &[Candidates<'_, N>; V],
     count: usize,
@@ -114,7 +139,7 @@ impl<'a, const N: usize> CandidateRun<'a, N> {
 #[inline(always)]
 pub fn hamming_run<I: Bytes, const N: usize, const V: usize>(
     isa: I,
-    fusion: Fusion,
+    fusion: DistanceFusion,
     descriptors: [&[u8]; N],
     views: &[CandidateRun<'_, N>; V],
     count: usize,
@@ -170,8 +195,17 @@ fn lane_bound(index: u16, first: usize) -> u8 {
 /// The rules of [`Fusion::fuse`] in lanes, rounded down. A cost that does not exist is 255, and all others are
 /// at most [`Census::MAX_BITS`](crate::Census::MAX_BITS).
 #[inline(always)]
-fn fuse<I: Bytes, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Bytes; V]) -> I::Bytes {
+fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I::Bytes; V]) -> I::Bytes {
     let none = isa.splat_byte(u8::MAX);
+    let fusion = match fusion {
+        DistanceFusion::Rule(fusion) => fusion,
+        DistanceFusion::Inliers => {
+            if V > 4 {
+                hide_outliers(isa, &mut costs);
+            }
+            Fusion::Mean
+        }
+    };
     match fusion {
         Fusion::Min => {
             let mut least = none;
@@ -226,6 +260,18 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Bytes; 
             let several = c3.if_greater(c2.add(c2).add(c2), two.halved(), three.third());
             none.if_greater(c2, several, c1)
         }
+    }
+}
+
+/// Sorts costs of up to eight views, and hides those that are not among the [inliers](mean_of_inliers).
+#[inline(always)]
+fn hide_outliers<I: Bytes, const V: usize>(isa: I, costs: &mut [I::Bytes; V]) {
+    let none = isa.splat_byte(u8::MAX);
+    sort(costs);
+    // Of five or six costs the last is an outlier, of seven too, of eight the last two: the fifth and the sixth stay before another.
+    for k in 4..V {
+        let next = if k < 6 && k + 1 < V { costs[k + 1] } else { none };
+        costs[k] = none.if_greater(next, costs[k], none);
     }
 }
 

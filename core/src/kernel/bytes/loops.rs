@@ -4,13 +4,10 @@ use core::slice;
 
 use super::{
     Bytes, Divisor, as_vectors, as_vectors_mut,
-    hamming::{Candidates, hamming_loop},
+    hamming::{Candidates, DistanceFusion, hamming_loop},
     paths::{Slot, Step, extend_loop},
 };
-use crate::{
-    Fusion,
-    kernel::{blocks::Blocks, rule::Rule, steps::Steps},
-};
+use crate::kernel::{blocks::Blocks, rule::Rule, steps::Steps};
 
 /// The loops over the 8-bit costs of a pixel.
 ///
@@ -21,7 +18,7 @@ pub trait PixelLoops: Bytes {
     #[inline(always)]
     fn hamming_costs<const N: usize, const V: usize>(
         self,
-        fusion: Fusion,
+        fusion: DistanceFusion,
         descriptor: [u8; N],
         views: &[Candidates<'_, N>; V],
         count: usize,

@@ -6,7 +6,7 @@
 //! | module | what it is |
 //! | --- | --- |
 //! | `paths` | the recursion along paths, and a path along a line in registers: [`Slot`], [`Step`], [`LinePath`] |
-//! | `hamming` | matching costs by the census transform: [`Candidates`], [`hamming_run`] |
+//! | `hamming` | matching costs by the census transform: [`Candidates`], [`hamming_run`], [`DistanceFusion`] |
 //! | `loops` | the loops over the disparities of a pixel, and paths through many pixels: [`PixelLoops`], [`RunLoops`] |
 
 mod hamming;
@@ -16,7 +16,7 @@ mod paths;
 use super::blocks::Blocks;
 #[cfg(target_arch = "arm")]
 pub(super) use hamming::hamming_loop;
-pub use hamming::{CandidateRun, Candidates, hamming_run};
+pub use hamming::{CandidateRun, Candidates, DistanceFusion, hamming_run, mean_of_inliers};
 pub use loops::{BackwardRun, ForwardRun, Kernel, PixelLoops, PixelPaths, RunLoops, RunPenalties};
 #[cfg(target_arch = "arm")]
 pub(super) use loops::{backward_loop, forward_loop};

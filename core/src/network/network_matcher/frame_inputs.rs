@@ -5,7 +5,7 @@
 //!     winners[pass][pixel] = disparity;  margins[pixel] = excess of the best candidate beside the winner
 //!     pool the excesses of a candidate's sum over the least one: sum and minimum over the rows and columns of a block
 //!     after the last line of a block: excesses[row of blocks][disparity][block] = mean and least
-//! candidates(row of blocks): costs by Min and Mean, computed again from the frames and pooled, and the excesses
+//! candidates(row of blocks): costs by their fusions, computed again from the frames and pooled, and the excesses
 //! measures(row of pixels): margins, and the costs of both winners in both passes
 //! ```
 //!
@@ -13,12 +13,12 @@
 //! and columns alike, so that turning costs nothing and moves no data.
 
 use crate::{
-    Disparity, Fusion, MemoryTooSmall, SearchSpace, SemiGlobalParams,
-    kernel::{Isa, Kernel},
+    Disparity, MemoryTooSmall, SearchSpace, SemiGlobalParams,
+    kernel::{DistanceFusion, Isa, Kernel},
     memory::{Lender, lent_bytes},
     network::{
-        BLOCK, CANDIDATE_CHANNELS, CensusPair, CensusPairLines, MAX_ACTIVATION, MAX_POOLED_COST, MEASURES, block_rows,
-        cost_channel, cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, pool,
+        BLOCK, CANDIDATE_CHANNELS, COST_FUSIONS, CensusPair, CensusPairLines, MAX_ACTIVATION, MAX_POOLED_COST, MEASURES,
+        block_rows, cost_channel, cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, pool,
     },
     semi_global::EightPaths,
 };
@@ -209,7 +209,7 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
         let least_steps = i32::from(search.min_disparity()) * Disparity::STEPS;
         let [a, b] = winners;
         let Some(pair) = costs.get_mut(pass) else { return };
-        let fusion = search.fusion();
+        let fusion = DistanceFusion::Rule(search.fusion());
         let mut costs = |v: usize, costs: &mut [u8]| {
             pair.line(v, fusion, costs);
             progress();
@@ -305,7 +305,7 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
             sums.fill(0);
             let Some((of_least, of_mean)) = sums.split_at_mut_checked(columns * *depth) else { return };
             for v in block_rows(row, search.height()) {
-                for (fusion, sums) in [(Fusion::Min, &mut *of_least), (Fusion::Mean, &mut *of_mean)] {
+                for (fusion, sums) in COST_FUSIONS.into_iter().zip([&mut *of_least, &mut *of_mean]) {
                     pair.line(v, fusion, line);
                     line.iter_mut().for_each(|cost| *cost = (*cost).min(MAX_POOLED_COST));
                     pool(line, *depth, sums, least);

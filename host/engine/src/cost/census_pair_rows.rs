@@ -1,6 +1,6 @@
 //! Matching costs by two census transforms.
 
-use multiscopic_core::{Census, SearchSpace};
+use multiscopic_core::{Census, SearchSpace, kernel::DistanceFusion};
 
 use super::{CensusRows, CostRows, census_image::CensusSampling};
 use crate::{engine::Engine, planes::Planes};
@@ -40,9 +40,9 @@ impl<'a> CensusPairRows<'a> {
         CensusPairRows::of([CensusSampling::Opposite, CensusSampling::Reversed], frames, search, census, engine)
     }
 
-    /// Returns these costs for a `search` that differs in its fusion only. Both share the frames.
-    pub fn with_fusion_of(&self, search: &'a SearchSpace) -> CensusPairRows<'a> {
-        CensusPairRows(self.0.each_ref().map(|rows| rows.with_fusion_of(search)))
+    /// Returns these costs with another fusion than that of the search. Both share the frames.
+    pub fn with_fusion(&self, fusion: DistanceFusion) -> CensusPairRows<'a> {
+        CensusPairRows(self.0.each_ref().map(|rows| rows.with_fusion(fusion)))
     }
 
     fn of(

@@ -4,7 +4,7 @@ use std::{ops::Range, sync::Arc};
 
 use multiscopic_core::{
     Census, Frame, MatchingCost, SearchSpace, View, Views,
-    kernel::{CandidateRun, Candidates, Kernel, Work, as_vectors_mut, hamming_run},
+    kernel::{CandidateRun, Candidates, DistanceFusion, Kernel, Work, as_vectors_mut, hamming_run, mean_of_inliers},
 };
 
 use super::{
@@ -139,6 +139,8 @@ fn columns_of_all(available: &[Range<u16>], width: usize, count: usize) -> Range
 #[derive(Debug)]
 pub struct CensusRows<'a> {
     search: &'a SearchSpace,
+    /// By default, by the rule of the search.
+    fusion: DistanceFusion,
     simd: Simd,
     center: Arc<CensusImage>,
     views: Arc<[CensusView]>,
@@ -237,15 +239,16 @@ impl<'a> CensusRows<'a> {
         };
         engine.pool().install(|| CensusRows {
             search,
+            fusion: DistanceFusion::Rule(search.fusion()),
             simd,
             center: Arc::new(census_image(Frame::Center, Orientation::Upright, [0, 0])),
             views: search.views().iter().map(view).collect(),
         })
     }
 
-    /// Returns these costs for a `search` that differs in its fusion only.
-    pub(super) fn with_fusion_of(&self, search: &'a SearchSpace) -> CensusRows<'a> {
-        CensusRows { search, center: self.center.clone(), views: self.views.clone(), ..*self }
+    /// Returns these costs with another fusion.
+    pub(super) fn with_fusion(&self, fusion: DistanceFusion) -> CensusRows<'a> {
+        CensusRows { fusion, center: self.center.clone(), views: self.views.clone(), ..*self }
     }
 
     /// Prepares the descriptors to compare for row `v`, with `stride` candidates for each pixel.
@@ -307,24 +310,29 @@ impl<'a> CensusRows<'a> {
     }
 
     fn fuse_pixels<const BYTES: usize>(&self, lines: &RowLines, stride: usize, row: &mut [u8]) {
-        let (width, fusion) = (self.search.width(), self.search.fusion());
+        let width = self.search.width();
         let views = self.views.iter().zip(&lines.views).map(|(view, line)| view.row::<BYTES>(self.search, lines.v, line, stride));
         let views: Vec<_> = views.collect();
+        let mut distances = Vec::with_capacity(views.len());
         row.fill(u8::NONE);
         for (u, fused) in row.chunks_exact_mut(stride).enumerate() {
             let candidates: Vec<_> = views.iter().map(|view| view.candidates(u, stride)).collect();
             for (index, fused) in fused.iter_mut().enumerate().take(self.search.num_disparities()) {
-                let mut costs = [u64::MAX; Views::MAX];
-                for (cost, candidates) in costs.iter_mut().zip(candidates.iter().flatten()) {
-                    if candidates.available.contains(&(index as u16)) {
-                        let bytes = candidates.planes.iter().zip(lines.center.chunks_exact(width));
-                        *cost = bytes.map(|(plane, center)| u64::from((plane[index] ^ center[u]).count_ones())).sum();
+                let available = candidates.iter().flatten().filter(|candidates| candidates.available.contains(&(index as u16)));
+                distances.clear();
+                distances.extend(available.map(|candidates| {
+                    let bytes = candidates.planes.iter().zip(lines.center.chunks_exact(width));
+                    bytes.map(|(plane, center)| (plane[index] ^ center[u]).count_ones() as u8).sum::<u8>()
+                }));
+                *fused = match self.fusion {
+                    DistanceFusion::Inliers => mean_of_inliers(&mut distances),
+                    DistanceFusion::Rule(fusion) => {
+                        let mut costs = [u64::MAX; Views::MAX];
+                        costs.iter_mut().zip(&distances).for_each(|(cost, &distance)| *cost = distance.into());
+                        let cost = fusion.fuse(costs);
+                        if cost.exists() { (cost / fusion.scale(Views::MAX)) as u8 } else { u8::NONE }
                     }
-                }
-                let cost = fusion.fuse(costs);
-                if cost.exists() {
-                    *fused = (cost / fusion.scale(Views::MAX)) as u8;
-                }
+                };
             }
         }
     }
@@ -343,8 +351,8 @@ struct FuseColumns<'a, I, const BYTES: usize, const V: usize> {
 impl<I: Kernel, const BYTES: usize, const V: usize> Work for FuseColumns<'_, I, BYTES, V> {
     #[inline(always)]
     fn run(self) {
-        let FuseColumns { isa, rows: CensusRows { search, views: all_views, .. }, lines, columns, stride, row } = self;
-        let (width, count, fusion) = (search.width(), search.num_disparities(), search.fusion());
+        let FuseColumns { isa, rows: CensusRows { search, fusion, views: all_views, .. }, lines, columns, stride, row } = self;
+        let (width, count, fusion) = (search.width(), search.num_disparities(), *fusion);
         let mut center = lines.center.chunks_exact(width);
         let center: [&[u8]; BYTES] = std::array::from_fn(|_| center.next().expect("a plane for each byte"));
         let mut views = [ViewRow::NONE; V];

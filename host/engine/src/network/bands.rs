@@ -1,9 +1,9 @@
 //! The network in bands of rows, where the whole image would take too much memory.
 
 use multiscopic_core::{
-    Census, EightPaths, EightPathsLine, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams,
+    Census, EightPaths, EightPathsLine, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams,
     kernel::Kernel,
-    network::{BLOCK, BLOCKS, CANDIDATE_CHANNELS, padded_blocks, paired},
+    network::{BLOCK, BLOCKS, CANDIDATE_CHANNELS, COST_FUSIONS, padded_blocks, paired},
 };
 
 use super::{
@@ -85,11 +85,10 @@ impl Bands {
         engine.check(frames, search)?;
         let paired = &paired(search);
         let params = SemiGlobalParams::new(*paired, SemiGlobalCost::Census(Census::Window9x7))?;
-        let fused = [Fusion::Min, Fusion::Mean].map(|fusion| paired.with_fusion(fusion));
         let census = Census::Window9x7;
         let both_ways = CensusPairRows::both_ways(frames, paired, census, engine);
         let passes = [both_ways, CensusPairRows::two_scales(frames, paired, census, engine)];
-        let kinds = fused.each_ref().map(|search| passes.each_ref().map(|rows| rows.with_fusion_of(search)));
+        let kinds = COST_FUSIONS.map(|fusion| passes.each_ref().map(|rows| rows.with_fusion(fusion)));
         progress.begin((2 * search.height()) as u64, "lines");
         engine.simd(paired).run(BandTask { bands: self, network, frames, search, params, passes, kinds, engine, progress })
     }
@@ -104,7 +103,7 @@ struct BandTask<'a> {
     /// The passes, which search an even number of disparities.
     params: SemiGlobalParams,
     passes: [CensusPairRows<'a>; 2],
-    /// The costs by their least and by their mean, each of both passes.
+    /// The costs by their [fusions](COST_FUSIONS), each of both passes.
     kinds: [[CensusPairRows<'a>; 2]; 2],
     engine: &'a Engine,
     progress: &'a dyn Progress,

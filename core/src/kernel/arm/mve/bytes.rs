@@ -11,7 +11,8 @@ use crate::{
     kernel::{
         blocks::Blocks,
         bytes::{
-            BackwardRun, Bytes, Candidates, Divisor, ForwardRun, PixelLoops, PixelPaths, RunLoops, Slot, Step, hamming_loop,
+            BackwardRun, Bytes, Candidates, DistanceFusion, Divisor, ForwardRun, PixelLoops, PixelPaths, RunLoops, Slot, Step,
+            hamming_loop,
         },
         rule::Rule,
         steps::Steps,
@@ -46,13 +47,13 @@ impl PixelLoops for Mve {
     #[inline(always)]
     fn hamming_costs<const N: usize, const V: usize>(
         self,
-        fusion: Fusion,
+        fusion: DistanceFusion,
         descriptor: [u8; N],
         views: &[Candidates<'_, N>; V],
         count: usize,
         costs: &mut [[u8; 8]],
     ) {
-        if fusion != Fusion::Min || N > 4 {
+        if fusion != DistanceFusion::Rule(Fusion::Min) || N > 4 {
             return hamming_loop(self, fusion, descriptor, views, count, costs);
         }
         let costs = costs.as_flattened_mut();

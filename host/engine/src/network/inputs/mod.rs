@@ -3,11 +3,11 @@
 mod half_turn;
 
 use multiscopic_core::{
-    Census, Disparity, Fusion, SearchSpace, SemiGlobalCost,
+    Census, Disparity, SearchSpace, SemiGlobalCost,
     kernel::{Kernel, Work},
     network::{
-        BLOCK, CANDIDATE_CHANNELS, MAX_ACTIVATION, MAX_POOLED_COST, MEASURES, PixelRow, block_rows, cost_channel, cost_measure,
-        excess_channels, excesses, nearest_candidate, padded_blocks, paired, pool,
+        BLOCK, CANDIDATE_CHANNELS, COST_FUSIONS, MAX_ACTIVATION, MAX_POOLED_COST, MEASURES, PixelRow, block_rows, cost_channel,
+        cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, paired, pool,
     },
 };
 use rayon::prelude::*;
@@ -60,14 +60,17 @@ impl Inputs {
         engine.check(frames, search)?;
         let search = &paired(search);
         let census = Census::Window9x7;
-        let fused = [Fusion::Min, Fusion::Mean].map(|fusion| search.with_fusion(fusion));
         let mut inputs = Inputs::empty(frames, search);
         inputs.volume = vec![[0; CANDIDATE_CHANNELS]; inputs.blocks[0] * inputs.blocks[1] * inputs.num_disparities];
-        inputs.take_pass(&CensusPairRows::both_ways(frames, search, census, engine), 0, frames, engine, progress);
-        inputs.take_pass(&CensusPairRows::two_scales(frames, search, census, engine), 1, frames, engine, progress);
-        for (kind, search) in fused.iter().enumerate() {
-            inputs.take_costs(&CensusPairRows::both_ways(frames, search, census, engine), kind, 0, engine);
-            inputs.take_costs(&CensusPairRows::two_scales(frames, search, census, engine), 2 + kind, 0, engine);
+        let both_ways = CensusPairRows::both_ways(frames, search, census, engine);
+        let passes = [both_ways, CensusPairRows::two_scales(frames, search, census, engine)];
+        for (pass, rows) in passes.iter().enumerate() {
+            inputs.take_pass(rows, pass, frames, engine, progress);
+        }
+        for (kind, fusion) in COST_FUSIONS.into_iter().enumerate() {
+            for (pass, rows) in passes.iter().enumerate() {
+                inputs.take_costs(&rows.with_fusion(fusion), 2 * pass + kind, 0, engine);
+            }
         }
         Ok(inputs)
     }

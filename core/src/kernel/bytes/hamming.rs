@@ -268,7 +268,7 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
 fn hide_outliers<I: Bytes, const V: usize>(isa: I, costs: &mut [I::Bytes; V]) {
     let none = isa.splat_byte(u8::MAX);
     sort(costs);
-    // Of five or six costs the last is an outlier, of seven too, of eight the last two: the fifth and the sixth stay before another.
+    // Of five to seven costs the last is an outlier, of eight the last two: the fifth and the sixth stay if another follows.
     for k in 4..V {
         let next = if k < 6 && k + 1 < V { costs[k + 1] } else { none };
         costs[k] = none.if_greater(next, costs[k], none);

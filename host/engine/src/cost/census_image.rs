@@ -35,7 +35,7 @@ impl Orientation {
         matches!(self, Orientation::Transposed | Orientation::TransposedMirrored)
     }
 
-    pub fn is_mirrored(self) -> bool {
+    fn is_mirrored(self) -> bool {
         matches!(self, Orientation::Mirrored | Orientation::TransposedMirrored)
     }
 

@@ -22,10 +22,60 @@ use crate::{
 struct CensusView {
     view: View,
     image: CensusImage,
-    /// The descriptors of all lines, unless a row of the centre meets a single one.
-    all_lines: Option<Vec<u8>>,
+    descriptors: Descriptors,
     /// The indices of the disparities at which each pixel of any row sees a horizontal view.
     available: Vec<Range<u16>>,
+}
+
+/// The descriptors of a view, but for those that are computed line by line.
+#[derive(Debug)]
+enum Descriptors {
+    /// None: a row of the centre meets a single line of the view.
+    OfNone,
+    /// Those of all lines, in which the matches of ascending disparity of a pixel are contiguous.
+    OfPaths(MatchPaths),
+    /// Those of the upright image.
+    OfRows(Vec<u8>),
+}
+
+/// The descriptors of a view above or below, or at a corner, along the paths of its matches: a line for each column in which a
+/// path meets the first row, from the least, with the rows in the order of ascending disparity.
+#[derive(Debug)]
+struct MatchPaths {
+    data: Vec<u8>,
+    /// The layout of a line.
+    shape: LineShape,
+    /// Columns to the right from one row to the one below.
+    slant: isize,
+}
+
+impl MatchPaths {
+    fn new(view: View, image: &CensusImage, [width, height]: [usize; 2], simd: Simd) -> MatchPaths {
+        let slant = isize::from(view.right()) * isize::from(view.down());
+        let data = image.all_lines(simd);
+        if slant == 0 {
+            return MatchPaths { data, shape: image.shape, slant };
+        }
+        let upright = image.shape;
+        let shape = LineShape { length: height, stride: upright.stride - upright.length + height, ..upright };
+        let mut paths = MatchPaths { data: Vec::new(), shape, slant };
+        let line = shape.bytes * shape.stride;
+        paths.data = vec![0; line * (width + slant.unsigned_abs() * (height - 1))];
+        for (y, planes) in data.chunks_exact(upright.bytes * upright.stride).enumerate() {
+            let first = paths.line_of(y, height) * line + shape.front + if view.down() > 0 { height - 1 - y } else { y };
+            for (byte, plane) in planes.chunks_exact(upright.stride).enumerate() {
+                let to = paths.data[first + byte * shape.stride..].iter_mut().step_by(line);
+                to.zip(&plane[upright.front..][..width]).for_each(|(to, &byte)| *to = byte);
+            }
+        }
+        paths
+    }
+
+    /// The line through the first column of row `y`.
+    fn line_of(&self, y: usize, height: usize) -> usize {
+        let least = (self.slant * (height as isize - 1)).max(0);
+        (least - self.slant * y as isize) as usize
+    }
 }
 
 /// The data of a view that a row of the centre is compared with.
@@ -59,10 +109,10 @@ impl CensusView {
             (_, true) => 0..1,
             _ => 0..search.width(),
         };
-        let descriptors = match &self.all_lines {
-            None => self.image.line(v),
-            Some(_) if View::CROSS.contains(&self.view) => Vec::new(),
-            Some(lines) => self.gather(lines, search, v, stride),
+        let descriptors = match &self.descriptors {
+            Descriptors::OfNone => self.image.line(v),
+            Descriptors::OfPaths(_) => Vec::new(),
+            Descriptors::OfRows(lines) => self.gather(lines, search, v, stride),
         };
         ViewLine { descriptors, available: columns.map(|u| available(search, self.view, (u, v))).collect() }
     }
@@ -93,16 +143,23 @@ impl CensusView {
         line: &'a ViewLine,
         depth: usize,
     ) -> ViewRow<'a, BYTES> {
-        let LineShape { length, stride, front, bytes } = self.image.shape;
-        let is_mirrored = Orientation::of(self.view).is_mirrored();
-        let position = |coordinate: usize| {
-            let position = if is_mirrored { length - 1 - coordinate } else { coordinate };
-            (position + front).wrapping_add_signed(search.min_disparity().into())
+        let position = |shape: LineShape, is_mirrored: bool, coordinate: usize| {
+            let position = if is_mirrored { shape.length - 1 - coordinate } else { coordinate };
+            (position + shape.front).wrapping_add_signed(search.min_disparity().into())
         };
-        let (data, plane, first, step) = match &self.all_lines {
-            None => (&line.descriptors, stride, position(0), if is_mirrored { -1 } else { 1 }),
-            Some(lines) if View::CROSS.contains(&self.view) => (lines, stride, position(v), (bytes * stride) as isize),
-            Some(_) => (&line.descriptors, depth, 0, (bytes * depth) as isize),
+        let shape = self.image.shape;
+        let (data, plane, first, step) = match &self.descriptors {
+            Descriptors::OfNone => {
+                let is_mirrored = self.view == View::RIGHT;
+                (&line.descriptors, shape.stride, position(shape, is_mirrored, 0), if is_mirrored { -1 } else { 1 })
+            }
+            Descriptors::OfPaths(paths) => {
+                let (shape, is_mirrored) = (paths.shape, self.view.down() > 0);
+                let line = shape.bytes * shape.stride;
+                let first = paths.line_of(v, shape.length) * line + position(shape, is_mirrored, v);
+                (&paths.data, shape.stride, first, line as isize)
+            }
+            Descriptors::OfRows(_) => (&line.descriptors, depth, 0, (shape.bytes * depth) as isize),
         };
         let planes = std::array::from_fn(|byte| &data[byte * plane..]);
         ViewRow { candidates: CandidateRun { planes, first, step }, available: self.available(line) }
@@ -232,10 +289,17 @@ impl<'a> CensusRows<'a> {
             |frame, orientation, padding| CensusImage::new(image(frame), frames.size(), census, sampling, orientation, padding);
         let view = |view: View| {
             let image = census_image(Frame::View(view), Orientation::of(view), padding);
-            let all_lines = (view != View::LEFT && view != View::RIGHT).then(|| image.all_lines(simd));
+            let descriptors = match (view, view.down()) {
+                (View::LEFT | View::RIGHT, _) => Descriptors::OfNone,
+                // Of views further aside, paths would take much more memory than the image.
+                (_, -1 | 1) if view.right().unsigned_abs() <= 1 => {
+                    Descriptors::OfPaths(MatchPaths::new(view, &image, frames.size(), simd))
+                }
+                _ => Descriptors::OfRows(image.all_lines(simd)),
+            };
             let columns = if view.is_horizontal() { 0..search.width() } else { 0..0 };
             let available = columns.map(|u| available(search, view, (u, 0))).collect();
-            CensusView { view, image, all_lines, available }
+            CensusView { view, image, descriptors, available }
         };
         engine.pool().install(|| CensusRows {
             search,

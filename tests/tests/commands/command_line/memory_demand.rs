@@ -76,7 +76,7 @@ fn matches_take_what_they_announce() {
     let dir = tempfile::tempdir().expect("a folder");
     let (tiny, pair, cross) =
         (scene(dir.path(), "160x120", "1"), scene(dir.path(), "640x480", "1"), scene(dir.path(), "640x480", "4"));
-    let small = scene(dir.path(), "400x300", "1");
+    let (array, small) = (scene(dir.path(), "640x480", "8"), scene(dir.path(), "400x300", "1"));
     let words = |rig, options: &'static str| {
         let words = ["match", rig, "--no-inspection", "--num-disparities", "40", "-o", "-", "--threads", "2"];
         words.into_iter().chain(options.split(' ')).collect::<Vec<_>>()
@@ -89,6 +89,7 @@ fn matches_take_what_they_announce() {
         (&pair, "--method sgm --disp12-max-diff 1"),
         (&cross, "--method sgm --paths 8 --cost census2"),
         (&cross, "--method net"),
+        (&array, "--method net"),
         (&small, "--method gc --sweeps 1"),
     ] {
         let words = words(rig, options);

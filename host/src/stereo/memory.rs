@@ -7,7 +7,7 @@ use multiscopic_core::{Frame, SearchSpace};
 use super::{
     Engine, Paths,
     baselines::{self, BaselineRefinement},
-    cost::mccnn::Architecture,
+    cost::{CensusPairRows, mccnn::Architecture},
     method::{Method, Pipeline},
     network::Bands,
 };
@@ -38,7 +38,7 @@ impl Method {
         let (pixels, views, disparities) = (search.width() * search.height(), search.views().len(), search.num_disparities());
         // Costs are kept in whole vectors.
         let lanes = disparities.next_multiple_of(32) as f64;
-        let network = 80.0 + 2.0 * lanes + 24.0 * views as f64;
+        let network = 80.0 + 2.0 * lanes + CensusPairRows::bytes_of_pixel(search.views()) as f64;
         let matching = match &self.pipeline {
             Pipeline::GraphCuts { cost, cuts } => {
                 let colored = frames.color(Frame::Center).is_some();

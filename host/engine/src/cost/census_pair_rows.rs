@@ -1,6 +1,6 @@
 //! Matching costs by two census transforms.
 
-use multiscopic_core::{Census, SearchSpace, kernel::DistanceFusion};
+use multiscopic_core::{Census, SearchSpace, Views, kernel::DistanceFusion};
 
 use super::{CensusRows, CostRows, census_image::CensusSampling};
 use crate::{engine::Engine, planes::Planes};
@@ -38,6 +38,12 @@ impl<'a> CensusPairRows<'a> {
     /// If a view of `search` is missing.
     pub fn both_ways(frames: &Planes<'_>, search: &'a SearchSpace, census: Census, engine: &Engine) -> CensusPairRows<'a> {
         CensusPairRows::of([CensusSampling::Opposite, CensusSampling::Reversed], frames, search, census, engine)
+    }
+
+    /// Estimates the bytes that two such pairs keep for each pixel of the centre, of which views at corners take the most.
+    pub fn bytes_of_pixel(views: Views) -> usize {
+        let at_corners = views.iter().filter(|view| !view.is_horizontal() && !view.is_vertical()).count();
+        10 * views.len() + 28 * at_corners
     }
 
     /// Returns these costs with another fusion than that of the search. Both share the frames.

@@ -31,11 +31,11 @@ struct CensusView {
 #[derive(Debug)]
 enum Descriptors {
     /// None: a row of the centre meets a single line of the view.
-    OfNone,
+    OnDemand,
     /// Those of all lines, in which the matches of ascending disparity of a pixel are contiguous.
-    OfPaths(MatchPaths),
+    Paths(MatchPaths),
     /// Those of the upright image.
-    OfRows(Vec<u8>),
+    Rows(Vec<u8>),
 }
 
 /// The descriptors of a view above or below, or at a corner, along the paths of its matches: a line for each column in which a
@@ -110,9 +110,9 @@ impl CensusView {
             _ => 0..search.width(),
         };
         let descriptors = match &self.descriptors {
-            Descriptors::OfNone => self.image.line(v),
-            Descriptors::OfPaths(_) => Vec::new(),
-            Descriptors::OfRows(lines) => self.gather(lines, search, v, stride),
+            Descriptors::OnDemand => self.image.line(v),
+            Descriptors::Paths(_) => Vec::new(),
+            Descriptors::Rows(lines) => self.gather(lines, search, v, stride),
         };
         ViewLine { descriptors, available: columns.map(|u| available(search, self.view, (u, v))).collect() }
     }
@@ -149,17 +149,17 @@ impl CensusView {
         };
         let shape = self.image.shape;
         let (data, plane, first, step) = match &self.descriptors {
-            Descriptors::OfNone => {
+            Descriptors::OnDemand => {
                 let is_mirrored = self.view == View::RIGHT;
                 (&line.descriptors, shape.stride, position(shape, is_mirrored, 0), if is_mirrored { -1 } else { 1 })
             }
-            Descriptors::OfPaths(paths) => {
+            Descriptors::Paths(paths) => {
                 let (shape, is_mirrored) = (paths.shape, self.view.down() > 0);
                 let line = shape.bytes * shape.stride;
                 let first = paths.line_of(v, shape.length) * line + position(shape, is_mirrored, v);
                 (&paths.data, shape.stride, first, line as isize)
             }
-            Descriptors::OfRows(_) => (&line.descriptors, depth, 0, (shape.bytes * depth) as isize),
+            Descriptors::Rows(_) => (&line.descriptors, depth, 0, (shape.bytes * depth) as isize),
         };
         let planes = std::array::from_fn(|byte| &data[byte * plane..]);
         ViewRow { candidates: CandidateRun { planes, first, step }, available: self.available(line) }
@@ -290,12 +290,12 @@ impl<'a> CensusRows<'a> {
         let view = |view: View| {
             let image = census_image(Frame::View(view), Orientation::of(view), padding);
             let descriptors = match (view, view.down()) {
-                (View::LEFT | View::RIGHT, _) => Descriptors::OfNone,
+                (View::LEFT | View::RIGHT, _) => Descriptors::OnDemand,
                 // Of views further aside, paths would take much more memory than the image.
                 (_, -1 | 1) if view.right().unsigned_abs() <= 1 => {
-                    Descriptors::OfPaths(MatchPaths::new(view, &image, frames.size(), simd))
+                    Descriptors::Paths(MatchPaths::new(view, &image, frames.size(), simd))
                 }
-                _ => Descriptors::OfRows(image.all_lines(simd)),
+                _ => Descriptors::Rows(image.all_lines(simd)),
             };
             let columns = if view.is_horizontal() { 0..search.width() } else { 0..0 };
             let available = columns.map(|u| available(search, view, (u, 0))).collect();

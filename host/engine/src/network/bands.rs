@@ -65,7 +65,7 @@ impl Bands {
         let rows = (self.rows + 2 * Bands::REACH).min(height.next_multiple_of(STEP));
         // Costs and activations of a band; what is kept of every pixel; two passes.
         let band = width * rows * (90 + 2 * stride);
-        let kept = width * height * (40 + 28 * search.views().len());
+        let kept = width * height * (40 + 10 * search.views().len() + CensusPairRows::bytes_of_pixel(search.views()));
         let paths = 2 * width * stride * (STEP * 2 + 4 * height.isqrt());
         (band + kept + paths) as u64
     }

@@ -48,8 +48,9 @@ const PATHS: u16 = 8;
 /// matching costs. So the caller computes the matching costs of each line up to three times.
 ///
 /// ```
+/// use multiscopic_core::kernel::{DistanceFusion, Portable};
 /// use multiscopic_core::network::{CensusPair, CensusPairLines};
-/// use multiscopic_core::{Census, EightPaths, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views, kernel::Portable};
+/// use multiscopic_core::{Census, EightPaths, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
 ///
 /// const PAIR: CensusPair = CensusPair::BothWays;
 /// const SEARCH: SearchConfig =
@@ -67,7 +68,7 @@ const PATHS: u16 = 8;
 /// let mut lines = CensusPairLines::new(Portable::<4>, PAIR, PARAMS.search(), &[&center, &right], &mut lent)?;
 /// let mut lent = [0; EightPaths::<Portable<4>>::memory_words(&PARAMS)];
 /// let mut paths = EightPaths::new(Portable::<4>, &PARAMS, &center, &mut lent)?;
-/// let mut costs = |v: usize, costs: &mut [u8]| lines.line(v, PARAMS.search().fusion(), costs);
+/// let mut costs = |v: usize, costs: &mut [u8]| lines.line(v, DistanceFusion::Rule(Fusion::Min), costs);
 /// while let Some(line) = paths.next_line(&mut costs) {
 ///     assert_eq!(line.disparities[20].map(|d| f32::from(d).round()), Some(3.0));
 /// }

@@ -1,9 +1,9 @@
 //! The inputs of the network: costs pooled over blocks for the volume part, and channels of pixels for the image part.
 //!
 //! Two passes of semi-global matching along eight paths, A and B, give disparities and sums of path costs. There are four
-//! matching costs: those of A fused over all views by [their least and by the mean of inliers](COST_FUSIONS), then those of B. The
-//! *excess* of a candidate is what its sum has above the least sum of the pixel, in eighths rounded down, at most 127; that of a
-//! candidate which no view sees is 127.
+//! matching costs: those of A fused over all views by [their least and by the mean of inliers](COST_FUSIONS), then those of B.
+//! The *excess* of a candidate is what its sum has above the least sum of the pixel, in eighths rounded down, at most 127; that
+//! of a candidate which no view sees is 127.
 
 use core::ops::Range;
 

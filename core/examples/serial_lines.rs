@@ -12,14 +12,11 @@ use std::{
     io::{self, Read, Write},
 };
 
-use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, View, Views};
+use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, View, Views, valid};
 
 const SEARCH: SearchConfig =
     SearchConfig { width: 64, height: 48, views: Views::HORIZONTAL, fusion: Fusion::Min, min_disparity: 0, num_disparities: 16 };
-const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
-    Ok(params) => params,
-    Err(_) => panic!("the parameters are out of range"),
-};
+const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(7));
 
 /// The disparity of the wall.
 const WALL: i16 = 9;

@@ -187,14 +187,20 @@ impl Availability {
 
     /// Goes to pixel `(u, v)`, around `prior` if there is one. Calls `change(k, index, available)` for every view and
     /// disparity whose availability changes.
-    #[inline(never)]
-    pub fn enter_line(&mut self, u: usize, v: usize, prior: Option<PriorLine<'_>>, mut change: impl FnMut(usize, usize, bool)) {
+    #[inline(always)]
+    pub fn enter_line(&mut self, u: usize, v: usize, prior: Option<PriorLine<'_>>, change: impl FnMut(usize, usize, bool)) {
         self.v = v as u16;
-        if let Some(prior) = prior {
-            self.constant_until = 0;
-            self.follow_around(u, prior.first(u, self.min_disparity), change);
-            return;
+        match prior {
+            None => self.enter_first_column(u, v, change),
+            Some(prior) => {
+                self.constant_until = 0;
+                self.follow_around(u, prior.first(u, self.min_disparity), change);
+            }
         }
+    }
+
+    #[inline(never)]
+    fn enter_first_column(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
         let (least, count) = (self.min_disparity, self.num_disparities);
         self.constant_until = self.width;
         for (k, reach) in self.views.iter_mut().enumerate().take(self.len.into()) {

@@ -119,7 +119,8 @@ pub use fusion::{Fusion, MatchingCost};
 pub use matcher::Matcher;
 pub use memory::Memory;
 pub use params::{
-    BlockMatchingParams, Census, ParamsError, PathPenalties, Prior, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams,
+    BlockMatchingParams, Census, Params, ParamsError, PathPenalties, Prior, SearchConfig, SearchSpace, SemiGlobalCost,
+    SemiGlobalParams, valid,
 };
 pub use rectification::{Displacement, DisplacementGrid, Rectification, RectificationError, Rectified, RectifiedError};
 pub use region::{Region, RegionError};

@@ -260,7 +260,7 @@ impl Shape {
             disparities: params.num_disparities(),
             width: params.width(),
             around: if params.prior().is_some() { Some(params.reach()) } else { None },
-            lane_bytes: if params.max_block_sum() < u16::MAX as u32 { 2 } else { 4 },
+            lane_bytes: params.lane_bytes(),
             kept_blocks: match Rule::new(params.fusion(), params.views().len()) {
                 Rule::Sum | Rule::Heuristic | Rule::Half if I::BATCH > 1 => I::BATCH,
                 _ => 0,

@@ -121,6 +121,19 @@ impl Views {
         divided
     }
 
+    /// The views in the same directions at `multiple` times their distances, or `None` if one is out of range.
+    pub const fn times(self, multiple: u8) -> Option<Views> {
+        let (mut scaled, mut k) = (Views::NONE, 0);
+        while let Some(view) = self.get(k) {
+            match view.times(multiple) {
+                Some(view) => scaled = scaled.with(view),
+                None => return None,
+            }
+            k += 1;
+        }
+        Some(scaled)
+    }
+
     /// The views that the matchers' loops go over: eight for five and more, of which those past the last are never
     /// available.
     pub const fn places(self) -> usize {

@@ -11,26 +11,17 @@ use multiscopic_core::{Rewind, SearchSpace};
 /// ```
 /// use core::{convert::Infallible, time::Duration};
 /// use embedded_io::Write;
-/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Rewind, ScanlineSource, SearchConfig, SearchSpace, View, Views};
-/// use multiscopic_edge::{Board, Lengths, Matching, Phase, Workspace};
-///
-/// /// The kernel of the processor: `Dsp` for a Cortex-M4, M7 or M33, `Mve` for a Cortex-M55.
-/// #[cfg(target_arch = "arm")]
-/// type Kernel = multiscopic_core::kernel::Dsp;
-/// /// Its portable twin, for tests on a host: the same memory, the same disparities.
-/// #[cfg(not(target_arch = "arm"))]
-/// type Kernel = multiscopic_edge::Wide;
+/// use multiscopic_core::{
+///     BlockMatchingParams, Frame, Fusion, Rewind, ScanlineSource, SearchConfig, SearchSpace, View, Views, params, valid,
+/// };
+/// use multiscopic_edge::{Board, Matching, Phase, workspace};
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(96, 64) };
-/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
-/// /// All columns in one pass. Narrower tiles take less memory: `multiscopic budget` says how much.
-/// const MATCHING: Matching = Matching::Blocks { params: PARAMS, tile_width: PARAMS.width() };
-/// const LENGTHS: Lengths = MATCHING.lengths::<Kernel>();
-/// type Memory = Workspace<{ LENGTHS.matcher.words() }, { LENGTHS.columns }, { LENGTHS.packet }>;
+/// const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(7));
+/// // All columns in one pass. Narrower tiles take less memory: `multiscopic budget` says how much.
+/// params!(Match: Matching = Ok(Matching::Blocks { params: PARAMS, tile_width: PARAMS.width() }));
+/// type Memory = workspace!(Match::PARAMS);
 /// // Fails the build if the workspace is too large.
 /// const _: () = assert!(size_of::<Memory>() < 20 * 1024, "use a smaller tile_width");
 ///
@@ -86,9 +77,8 @@ use multiscopic_core::{Rewind, SearchSpace};
 /// }
 ///
 /// fn send_disparities<Serial: Write>(board: &mut MyBoard<Serial>, memory: &mut Memory) -> Result<(), &'static str> {
-///     let (frames, mut serial) = (board.frames(MATCHING.search())?, board.output()?);
-///     let pipeline = memory.pipeline();
-///     let run = pipeline.run::<MyBoard<Serial>, _>(Kernel::default(), &MATCHING, &mut [frames], &mut serial);
+///     let (frames, mut serial) = (board.frames(Match::PARAMS.search())?, board.output()?);
+///     let run = memory.pipeline().run::<MyBoard<Serial>, _>(&Match, &mut [frames], &mut serial);
 ///     let mut sender = run.map_err(|_| "a line was not matched or sent")?;
 ///     let end = sender.end(None).map_err(|_| "the packet buffer is too small")?;
 ///     serial.write_all(end).map_err(|_| "the last packet was not sent")

@@ -2,15 +2,16 @@
 //!
 //! ```
 //! use embedded_io::Write;
-//! use multiscopic_core::Fusion;
-//! use multiscopic_edge::{Board, Wide, profile::QQVGA, workspace};
+//! use multiscopic_core::{Fusion, params};
+//! use multiscopic_edge::{Board, Matching, profile::QQVGA, workspace};
 //!
-//! /// Matches the frames of a board, 160x120 pixels with two neighbours, and sends the disparities. In firmware, the
-//! /// memory is a static, and `Dsp` or `Mve` takes the place of their portable twin, `Wide`.
-//! fn match_and_send<B: Board>(board: &mut B, memory: &mut workspace!(Wide, QQVGA)) -> Option<()> {
-//!     let matching = QQVGA.matching(Fusion::Min);
-//!     let (frames, mut output) = (board.frames(matching.search()).ok()?, board.output().ok()?);
-//!     let mut sender = memory.pipeline().run::<B, _>(Wide::default(), &matching, &mut [frames], &mut output).ok()?;
+//! // 160x120 pixels with two neighbours, whose code alone is linked.
+//! params!(Qqvga: Matching = Ok(QQVGA.matching(Fusion::Min)));
+//!
+//! /// Matches the frames of a board and sends the disparities. In firmware, the memory is a static.
+//! fn match_and_send<B: Board>(board: &mut B, memory: &mut workspace!(QQVGA)) -> Option<()> {
+//!     let (frames, mut output) = (board.frames(Qqvga::PARAMS.search()).ok()?, board.output().ok()?);
+//!     let mut sender = memory.pipeline().run::<B, _>(&Qqvga, &mut [frames], &mut output).ok()?;
 //!     output.write_all(sender.end(None).ok()?).ok() // the packet that ends the frame
 //! }
 //! ```
@@ -41,7 +42,7 @@ pub mod profile;
 mod streams;
 
 pub use board::{Board, Phase};
-pub use matching::{Lengths, Matching, WholeLines, Wide, Workspace};
+pub use matching::{Lengths, Matching, WholeLines, Workspace};
 pub use pipeline::{Pipeline, PipelineError, RunError};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};

@@ -1,15 +1,28 @@
 //! The computation of a pipeline, and the memory that it takes, sized at compile time.
 
+use core::marker::PhantomData;
+
 use multiscopic_core::{
-    BlockMatchingParams, ConfidenceLines, Disparity, Memory, Region, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams,
-    Views,
-    kernel::{Isa, Portable},
+    BlockMatchingParams, ConfidenceLines, Disparity, Memory, Params, Region, SearchConfig, SearchSpace, SemiGlobalCost,
+    SemiGlobalParams, Views,
+    kernel::{Isa, Native},
     network::NetworkParams,
 };
 
 use crate::packet;
 
 /// The computation of a pipeline: the parameters of a method.
+///
+/// As a constant, [`params!`](multiscopic_core::params) makes a type of it, with which a pipeline links that method alone:
+///
+/// ```
+/// use multiscopic_core::{Fusion, params};
+/// use multiscopic_edge::{Matching, Workspace, profile::QQVGA, workspace};
+///
+/// params!(Qqvga: Matching = Ok(QQVGA.matching(Fusion::Min)));
+///
+/// let workspace: workspace!(Qqvga::PARAMS) = Workspace::new();
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Matching {
     /// Block matching in column tiles.
@@ -69,12 +82,14 @@ impl WholeLines {
 impl Matching {
     /// From the baselines of a match to `multiple` times as long ones in the same directions: `num_disparities` are searched
     /// there around what it finds, with the same blocks and fusion. `None` if that is out of range: see [`SearchConfig`].
-    pub fn around_prior(short: BlockMatchingParams, multiple: u8, num_disparities: u16) -> Option<Matching> {
-        let views: Option<Views> = short.views().iter().map(|view| view.times(multiple)).collect();
-        let min_disparity = -i16::try_from(num_disparities / 2).ok()?;
-        let search = SearchConfig { views: views?, min_disparity, num_disparities, ..short.search().config() }.checked().ok()?;
-        let block_size = u8::try_from(short.block_size()).ok()?;
-        Some(Matching::AroundPrior { short, long: BlockMatchingParams::block_matching(search, block_size).ok()? })
+    pub const fn around_prior(short: BlockMatchingParams, multiple: u8, num_disparities: u16) -> Option<Matching> {
+        let Some(views) = short.views().times(multiple) else { return None };
+        let min_disparity = -((num_disparities / 2) as i16);
+        let search = SearchConfig { views, min_disparity, num_disparities, ..short.search().config() };
+        match search.block_matching(short.block_size() as u8) {
+            Ok(long) => Some(Matching::AroundPrior { short, long }),
+            Err(_) => None,
+        }
     }
 
     /// The search; from short baselines to long ones, the search at the short ones.
@@ -171,8 +186,13 @@ impl Matching {
         }
     }
 
-    /// The lengths of the workspace's buffers with the kernel `I`.
-    pub const fn lengths<I: Isa>(&self) -> Lengths {
+    /// The lengths of the workspace's buffers, the same on every processor.
+    pub const fn lengths(&self) -> Lengths {
+        self.lengths_with::<Native>()
+    }
+
+    /// [`lengths`](Matching::lengths) with a kernel of one's own choice.
+    pub const fn lengths_with<I: Isa>(&self) -> Lengths {
         let matcher = match self {
             Matching::Blocks { params, tile_width } => Memory::new::<I>(params, *tile_width),
             Matching::SemiGlobal(params) => Memory::semi_global::<I>(params),
@@ -180,7 +200,7 @@ impl Matching {
                 let around = Memory::new::<I>(&long.around(short.search()), long.width());
                 Memory::new::<I>(short, short.width()).plus(&around)
             }
-            Matching::WithConfidences(lines) => lines.alone().lengths::<I>().matcher,
+            Matching::WithConfidences(lines) => lines.alone().lengths_with::<I>().matcher,
             Matching::Network(params) => params.memory::<I>().of_matcher(),
         };
         let columns = self.tile_width();
@@ -195,6 +215,77 @@ impl Matching {
                 Lengths { matcher, confidence, columns, packet: packet::buffer_bytes_with_confidences(columns) }
             }
             _ => Lengths { matcher, confidence: 0, columns, packet: packet::buffer_bytes(columns) },
+        }
+    }
+}
+
+/// The parameters of a method that are a part of a [`Matching`], with the parameters `P`.
+macro_rules! part_of_matching {
+    ($(#[$attribute:meta])* $name:ident: $type:ty = $part:path) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug)]
+        pub(crate) struct $name<P> {
+            /// Not read if `P` are constants.
+            value: $type,
+            of: PhantomData<P>,
+        }
+
+        impl<P> $name<P> {
+            pub fn new(value: $type) -> $name<P> {
+                $name { value, of: PhantomData }
+            }
+        }
+
+        impl<P: Params<Matching>> Params<$type> for $name<P> {
+            const KNOWN: Option<$type> = match P::KNOWN {
+                Some(matching) => $part(&matching),
+                None => None,
+            };
+
+            fn get(&self) -> &$type {
+                match const { &Self::KNOWN } {
+                    Some(known) => known,
+                    None => &self.value,
+                }
+            }
+        }
+    };
+}
+
+part_of_matching!(
+    /// Block matching, alone or at short baselines.
+    BlockMatching: BlockMatchingParams = Matching::blocks
+);
+part_of_matching!(
+    /// Block matching at long baselines around the disparities found at short ones.
+    AroundPrior: BlockMatchingParams = Matching::around
+);
+part_of_matching!(
+    /// Semi-global matching.
+    SemiGlobal: SemiGlobalParams = Matching::semi_global
+);
+
+impl Matching {
+    const fn blocks(&self) -> Option<BlockMatchingParams> {
+        match *self {
+            Matching::Blocks { params, .. }
+            | Matching::AroundPrior { short: params, .. }
+            | Matching::WithConfidences(WholeLines::Blocks(params)) => Some(params),
+            _ => None,
+        }
+    }
+
+    const fn around(&self) -> Option<BlockMatchingParams> {
+        match *self {
+            Matching::AroundPrior { short, long } => Some(long.around(short.search())),
+            _ => None,
+        }
+    }
+
+    const fn semi_global(&self) -> Option<SemiGlobalParams> {
+        match *self {
+            Matching::SemiGlobal(params) | Matching::WithConfidences(WholeLines::SemiGlobal(params)) => Some(params),
+            _ => None,
         }
     }
 }
@@ -239,10 +330,10 @@ impl Lengths {
 ///
 /// ```
 /// use std::sync::Mutex;
-/// use multiscopic_edge::{Wide, Workspace, profile::QQVGA, workspace};
+/// use multiscopic_edge::{Workspace, profile::QQVGA, workspace};
 ///
 /// // In firmware, a `static_cell::ConstStaticCell` that is taken once.
-/// static WORKSPACE: Mutex<workspace!(Wide, QQVGA)> = Mutex::new(Workspace::new());
+/// static WORKSPACE: Mutex<workspace!(QQVGA)> = Mutex::new(Workspace::new());
 ///
 /// let mut workspace = WORKSPACE.lock().unwrap();
 /// let pipeline = workspace.pipeline();
@@ -266,20 +357,17 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
     }
 }
 
-/// The type of the [`Workspace`] that a kernel needs for a [`Profile`](crate::Profile).
+/// The type of the [`Workspace`] that a constant [`Profile`](crate::Profile) or [`Matching`] needs.
 #[macro_export]
 macro_rules! workspace {
-    ($kernel:ty, $profile:path) => {
+    ($matching:path) => {
         $crate::Workspace<
-            { $profile.lengths::<$kernel>().words() },
-            { $profile.lengths::<$kernel>().columns },
-            { $profile.lengths::<$kernel>().packet },
+            { $matching.lengths().words() },
+            { $matching.lengths().columns },
+            { $matching.lengths().packet },
         >
     };
 }
-
-/// The portable twin of the kernels for Arm: as many lanes, so the same memory layout, on any processor.
-pub type Wide = Portable<8>;
 
 #[cfg(test)]
 mod tests {
@@ -289,20 +377,20 @@ mod tests {
     #[test]
     fn lengths_predict_the_size_of_the_static() {
         let sizes = [
-            size_of::<workspace!(Wide, profile::QQVGA)>(),
-            size_of::<workspace!(Wide, profile::QVGA)>(),
-            size_of::<workspace!(Wide, profile::QVGA_TILED)>(),
-            size_of::<workspace!(Wide, profile::VGA)>(),
-            size_of::<workspace!(Wide, profile::VGA_TILED)>(),
-            size_of::<workspace!(Wide, profile::QQVGA_SGM)>(),
-            size_of::<workspace!(Wide, profile::QVGA_SGM)>(),
-            size_of::<workspace!(Wide, profile::QQVGA_3X3)>(),
-            size_of::<workspace!(Wide, profile::QVGA_PRIOR)>(),
-            size_of::<workspace!(Wide, profile::QVGA_CONFIDENCE)>(),
-            size_of::<workspace!(Wide, profile::QQVGA_SGM_CONFIDENCE)>(),
-            size_of::<workspace!(Wide, profile::QQVGA_NET)>(),
+            size_of::<workspace!(profile::QQVGA)>(),
+            size_of::<workspace!(profile::QVGA)>(),
+            size_of::<workspace!(profile::QVGA_TILED)>(),
+            size_of::<workspace!(profile::VGA)>(),
+            size_of::<workspace!(profile::VGA_TILED)>(),
+            size_of::<workspace!(profile::QQVGA_SGM)>(),
+            size_of::<workspace!(profile::QVGA_SGM)>(),
+            size_of::<workspace!(profile::QQVGA_3X3)>(),
+            size_of::<workspace!(profile::QVGA_PRIOR)>(),
+            size_of::<workspace!(profile::QVGA_CONFIDENCE)>(),
+            size_of::<workspace!(profile::QQVGA_SGM_CONFIDENCE)>(),
+            size_of::<workspace!(profile::QQVGA_NET)>(),
         ];
-        assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Wide>().bytes()));
+        assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths().bytes()));
     }
 
     #[test]
@@ -311,7 +399,7 @@ mod tests {
             Matching::Blocks { params, .. } => Matching::Blocks { params, tile_width: 23 },
             other => other,
         }
-        .lengths::<Wide>();
+        .lengths();
         type Odd = Workspace<{ ODD.words() }, { ODD.columns }, { ODD.packet }>;
         assert_eq!(size_of::<Odd>(), ODD.bytes());
     }

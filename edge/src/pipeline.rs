@@ -5,15 +5,15 @@ mod pass;
 pub use pass::{PipelineError, RunError};
 
 use multiscopic_core::{
-    BlockMatchingParams, ConfidenceTable, Disparity, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Region, Rewind,
-    SemiGlobalMatcher, SemiGlobalParams,
-    kernel::Kernel,
+    BlockMatchingParams, ConfidenceTable, Disparity, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region,
+    Rewind, SemiGlobalMatcher, SemiGlobalParams,
+    kernel::{Kernel, Native},
     network::{NetworkMatcher, NetworkParams, TRAINED_WEIGHTS},
 };
 
 use crate::{
     board::{Board, Phase},
-    matching::{Matching, WholeLines, Workspace, confidence_line_words},
+    matching::{AroundPrior, BlockMatching, Matching, SemiGlobal, WholeLines, Workspace, confidence_line_words},
     packet::Sender,
 };
 
@@ -21,25 +21,11 @@ use pass::{Confidences, Fetching, LongFrames, Pass};
 
 /// Matches frames and sends the disparities, in the memory of a [`Workspace`].
 ///
-/// [`run`](Pipeline::run) takes any [`Matching`]. Firmware with a single method calls that method and links it alone:
-///
-/// ```
-/// use multiscopic_core::Fusion;
-/// use multiscopic_edge::{Board, Matching, Pipeline, RunError, Wide, packet::Sender, profile::QQVGA};
-///
-/// const MATCHING: Matching = QQVGA.matching(Fusion::Min);
-///
-/// fn match_blocks<'w, B: Board>(
-///     pipeline: Pipeline<'w>,
-///     frames: &mut B::Frames,
-///     output: &mut B::Output,
-/// ) -> Result<Sender<'w>, RunError<B>> {
-///     let Matching::Blocks { params, tile_width } = MATCHING else { unreachable!("the profile matches blocks") };
-///     pipeline.match_blocks::<B, _>(Wide::default(), &params, tile_width, frames, output)
-/// }
-/// ```
+/// [`run`](Pipeline::run) takes any [`Matching`]. With a constant one it links the code of that method and of its parameters
+/// alone: see [`Params`].
 #[derive(Debug)]
-pub struct Pipeline<'w> {
+pub struct Pipeline<'w, I = Native> {
+    kernel: I,
     words: &'w mut [u32],
     line: &'w mut [Option<Disparity>],
     packet: &'w mut [u8],
@@ -48,14 +34,38 @@ pub struct Pipeline<'w> {
 impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WORDS, COLUMNS, PACKET> {
     /// The pipeline that works in this memory.
     pub fn pipeline(&mut self) -> Pipeline<'_> {
-        Pipeline { words: &mut self.words, line: &mut self.line, packet: &mut self.packet }
+        Pipeline::new(&mut self.words, &mut self.line, &mut self.packet)
     }
 }
 
+/// True unless the parameters `P` are constants of another method, whose code is then not compiled.
+macro_rules! may_be {
+    ($method:pat) => {
+        const {
+            match P::KNOWN {
+                Some(matching) => matches!(matching, $method),
+                None => true,
+            }
+        }
+    };
+}
+
 impl<'w> Pipeline<'w> {
-    /// The pipeline that works in memory of the [lengths](crate::Lengths) that a [`Matching`] has, known at run time.
+    /// The pipeline that works in memory of the [lengths](Matching::lengths) that a [`Matching`] has, known at run time.
     pub fn new(words: &'w mut [u32], line: &'w mut [Option<Disparity>], packet: &'w mut [u8]) -> Pipeline<'w> {
-        Pipeline { words, line, packet }
+        Pipeline::with_kernel(Native::default(), words, line, packet)
+    }
+}
+
+impl<'w, I: Kernel> Pipeline<'w, I> {
+    /// The pipeline with a kernel of one's own choice, in memory of the [lengths](Matching::lengths_with) for that kernel.
+    pub fn with_kernel(
+        kernel: I,
+        words: &'w mut [u32],
+        line: &'w mut [Option<Disparity>],
+        packet: &'w mut [u8],
+    ) -> Pipeline<'w, I> {
+        Pipeline { kernel, words, line, packet }
     }
 
     /// Matches the frames of `sources` and sends the disparities. There is a source for each of the
@@ -64,161 +74,161 @@ impl<'w> Pipeline<'w> {
     /// Each line is written to `output` as soon as it is known. The sender is returned for the packet that
     /// ends the frame.
     ///
-    /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory. Firmware
-    /// with a single method calls [`match_blocks`](Pipeline::match_blocks),
-    /// [`match_semi_globally`](Pipeline::match_semi_globally) or another of those below, and links that method alone: they are
-    /// inlined, so that constant parameters stay constant.
-    ///
     /// # Errors
     /// Those of the sources, the matcher and the output, a workspace that is too small, and too few sources.
-    pub fn run<B: Board, I: Kernel>(
+    pub fn run<B: Board, P: Params<Matching>>(
         self,
-        kernel: I,
-        matching: &Matching,
+        matching: &P,
         sources: &mut [B::Frames],
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        match (matching, &mut *sources) {
-            (Matching::Network(params), [source, ..]) => apart(|| self.match_by_network::<B, I>(kernel, params, source, output)),
-            _ => self.run_lines::<B, I>(kernel, matching, sources, output),
+        match (matching.get(), &mut *sources) {
+            (Matching::Network(params), [source, ..]) if may_be!(Matching::Network(_)) => {
+                apart(|| self.match_by_network::<B>(params, source, output))
+            }
+            _ => self.run_lines::<B, P>(matching, sources, output),
         }
     }
 
-    /// [`run`](Pipeline::run) for all that is matched line by line: not for the network, so that firmware without it need not
-    /// have its weights in flash.
+    /// [`run`](Pipeline::run) for all that is matched line by line: not for the network, so that firmware that matches by any of
+    /// the others need not have its weights in flash.
     ///
     /// # Errors
     /// Those of [`run`](Pipeline::run), and [`PipelineError::Unlinked`] for the network.
-    pub fn run_lines<B: Board, I: Kernel>(
+    pub fn run_lines<B: Board, P: Params<Matching>>(
         self,
-        kernel: I,
-        matching: &Matching,
+        matching: &P,
         sources: &mut [B::Frames],
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        match (matching, sources) {
-            (Matching::Blocks { params, tile_width }, [source, ..]) => {
-                apart(|| self.match_blocks::<B, I>(kernel, params, *tile_width, source, output))
+        match (matching.get(), sources) {
+            (Matching::Blocks { params, tile_width }, [source, ..]) if may_be!(Matching::Blocks { .. }) => {
+                let params = BlockMatching::<P>::new(*params);
+                apart(|| self.match_blocks::<B>(&params, *tile_width, source, output))
             }
-            (Matching::SemiGlobal(params), [source, ..]) => {
-                apart(|| self.match_semi_globally::<B, I>(kernel, params, source, output))
+            (Matching::SemiGlobal(params), [source, ..]) if may_be!(Matching::SemiGlobal(_)) => {
+                let params = SemiGlobal::<P>::new(*params);
+                apart(|| self.match_semi_globally::<B>(&params, source, output))
             }
-            (Matching::AroundPrior { short, long }, [first, second, ..]) => {
-                apart(|| self.match_around_prior::<B, I>(kernel, (short, long), [first, second], output))
+            (Matching::AroundPrior { short, long }, [first, second, ..]) if may_be!(Matching::AroundPrior { .. }) => {
+                let long = AroundPrior::<P>::new(long.around(short.search()));
+                let short = BlockMatching::<P>::new(*short);
+                apart(|| self.match_around_prior::<B>((&short, &long), [first, second], output))
             }
-            (Matching::WithConfidences(WholeLines::Blocks(params)), [source, ..]) => {
-                apart(|| self.match_blocks_with_confidences::<B, I>(kernel, params, source, output))
+            (Matching::WithConfidences(WholeLines::Blocks(params)), [source, ..])
+                if may_be!(Matching::WithConfidences(WholeLines::Blocks(_))) =>
+            {
+                let params = BlockMatching::<P>::new(*params);
+                apart(|| self.match_blocks_with_confidences::<B>(&params, source, output))
             }
-            (Matching::WithConfidences(WholeLines::SemiGlobal(params)), [source, ..]) => {
-                apart(|| self.match_semi_globally_with_confidences::<B, I>(kernel, params, source, output))
+            (Matching::WithConfidences(WholeLines::SemiGlobal(params)), [source, ..])
+                if may_be!(Matching::WithConfidences(WholeLines::SemiGlobal(_))) =>
+            {
+                let params = SemiGlobal::<P>::new(*params);
+                apart(|| self.match_semi_globally_with_confidences::<B>(&params, source, output))
             }
             (Matching::Network(_), [_, ..]) => Err(PipelineError::Unlinked),
-            (_, sources) => Err(PipelineError::Sources { needed: matching.searches().count(), given: sources.len() }),
+            (_, sources) => Err(PipelineError::Sources { needed: matching.get().searches().count(), given: sources.len() }),
         }
     }
 
-    /// [`run`](Pipeline::run) for block matching in tiles of `tile_width` columns.
-    ///
-    /// # Errors
-    /// Those of [`run`](Pipeline::run).
-    #[inline(always)]
-    pub fn match_blocks<B: Board, I: Kernel>(
+    /// Block matching in tiles of `tile_width` columns.
+    fn match_blocks<B: Board>(
         self,
-        kernel: I,
-        params: &BlockMatchingParams,
+        params: &impl Params<BlockMatchingParams>,
         tile_width: usize,
         source: &mut B::Frames,
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        let mut sender = Sender::new(params.search(), self.packet);
-        for (index, tile) in Region::tiles(params.search(), tile_width).enumerate() {
+        let search = params.get().search();
+        let mut sender = Sender::new(search, self.packet);
+        for (index, tile) in Region::tiles(search, tile_width).enumerate() {
             if index > 0 {
                 source.rewind().map_err(PipelineError::Rewind)?;
             }
             let pass = Pass::<B>::new(&tile, self.line, &mut sender, output)?;
-            let mut matcher = Matcher::with_isa(kernel, params, &tile, self.words).map_err(PipelineError::Memory)?;
+            let mut matcher = Matcher::with_isa(self.kernel, params, &tile, self.words).map_err(PipelineError::Memory)?;
             pass.send(|line| matcher.next_line(&mut Fetching::<B>::new(source), line))?;
         }
         Ok(sender)
     }
 
-    /// [`run`](Pipeline::run) for semi-global matching.
-    ///
-    /// # Errors
-    /// Those of [`run`](Pipeline::run).
-    #[inline(always)]
-    pub fn match_semi_globally<B: Board, I: Kernel>(
+    /// Semi-global matching.
+    fn match_semi_globally<B: Board>(
         self,
-        kernel: I,
-        params: &SemiGlobalParams,
+        params: &impl Params<SemiGlobalParams>,
         source: &mut B::Frames,
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        let mut sender = Sender::new(params.search(), self.packet);
-        let whole = Region::whole(params.search());
+        let mut sender = Sender::new(params.get().search(), self.packet);
+        let whole = Region::whole(params.get().search());
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
-        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, self.words).map_err(PipelineError::Memory)?;
+        let mut matcher = SemiGlobalMatcher::with_isa(self.kernel, params, self.words).map_err(PipelineError::Memory)?;
         pass.send(|line| matcher.next_line(&mut Fetching::<B>::new(source), line))?;
         Ok(sender)
     }
 
-    /// [`run`](Pipeline::run) from short baselines to long ones: the parameters are those of
-    /// [`Matching::AroundPrior`], and each match has a source of its own.
-    ///
-    /// # Errors
-    /// Those of [`run`](Pipeline::run).
-    #[inline(always)]
-    pub fn match_around_prior<B: Board, I: Kernel>(
+    /// Block matching from short baselines to long ones: each match has a source of its own, and the long one searches
+    /// [around](BlockMatchingParams::around) the other's disparities.
+    fn match_around_prior<B: Board>(
         self,
-        kernel: I,
-        (short, long): (&BlockMatchingParams, &BlockMatchingParams),
+        (short, long): (&impl Params<BlockMatchingParams>, &impl Params<BlockMatchingParams>),
         [short_frames, long_frames]: [&mut B::Frames; 2],
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        let mut sender = Sender::new(short.search(), self.packet);
-        let whole = Region::whole(short.search());
+        let mut sender = Sender::new(short.get().search(), self.packet);
+        let whole = Region::whole(short.get().search());
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
-        let words = Memory::new::<I>(short, short.width()).words().min(self.words.len());
+        let words = Memory::new::<I>(short.get(), short.get().width()).words().min(self.words.len());
         let (memory, rest) = self.words.split_at_mut_checked(words).unwrap_or_default();
-        let short = Matcher::with_isa(kernel, short, &whole, memory).map_err(PipelineError::Memory)?;
-        let around = long.around(short.params().search());
-        let mut long = Matcher::with_isa(kernel, &around, &whole, rest).map_err(PipelineError::Memory)?;
-        let mut source = Gradients(LongFrames::<B, I> { frames: long_frames, short, short_frames });
+        let short = Matcher::with_isa(self.kernel, short, &whole, memory).map_err(PipelineError::Memory)?;
+        let mut long = Matcher::with_isa(self.kernel, long, &whole, rest).map_err(PipelineError::Memory)?;
+        let mut source = Gradients(LongFrames::<B, I, _> { frames: long_frames, short, short_frames });
         pass.send(|line| long.next_line(&mut source, line).map_err(MatchError::flatten))?;
         Ok(sender)
     }
 
-    /// [`run`](Pipeline::run) for block matching and its confidences.
-    ///
-    /// # Errors
-    /// Those of [`run`](Pipeline::run).
-    #[inline(always)]
-    pub fn match_blocks_with_confidences<B: Board, I: Kernel>(
+    /// Block matching and its confidences.
+    fn match_blocks_with_confidences<B: Board>(
         self,
-        kernel: I,
-        params: &BlockMatchingParams,
+        params: &impl Params<BlockMatchingParams>,
         source: &mut B::Frames,
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        let mut sender = Sender::new(params.search(), self.packet);
-        let whole = Region::whole(params.search());
+        let search = params.get().search();
+        let mut sender = Sender::new(search, self.packet);
+        let whole = Region::whole(search);
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
         let table = &ConfidenceTable::BLOCK_MATCHING;
-        let (confidences, rest) = Confidences::new(kernel, params.search(), table, self.words).map_err(PipelineError::Memory)?;
-        let mut matcher = Matcher::with_isa(kernel, params, &whole, rest).map_err(PipelineError::Memory)?;
+        let (confidences, rest) = Confidences::new(self.kernel, search, table, self.words).map_err(PipelineError::Memory)?;
+        let mut matcher = Matcher::with_isa(self.kernel, params, &whole, rest).map_err(PipelineError::Memory)?;
         let mut source = Fetching::<B>::new(source);
         pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
         Ok(sender)
     }
 
-    /// [`run`](Pipeline::run) for the network with the trained weights. All frames are read first.
-    ///
-    /// # Errors
-    /// Those of [`run`](Pipeline::run).
-    #[inline(always)]
-    pub fn match_by_network<B: Board, I: Kernel>(
+    /// Semi-global matching and its confidences.
+    fn match_semi_globally_with_confidences<B: Board>(
         self,
-        kernel: I,
+        params: &impl Params<SemiGlobalParams>,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let search = params.get().search();
+        let mut sender = Sender::new(search, self.packet);
+        let whole = Region::whole(search);
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
+        let table = &ConfidenceTable::SEMI_GLOBAL;
+        let (confidences, rest) = Confidences::new(self.kernel, search, table, self.words).map_err(PipelineError::Memory)?;
+        let mut matcher = SemiGlobalMatcher::with_isa(self.kernel, params, rest).map_err(PipelineError::Memory)?;
+        let mut source = Fetching::<B>::new(source);
+        pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
+        Ok(sender)
+    }
+
+    /// The network with the trained weights. All frames are read first.
+    fn match_by_network<B: Board>(
+        self,
         params: &NetworkParams,
         source: &mut B::Frames,
         output: &mut B::Output,
@@ -231,34 +241,11 @@ impl<'w> Pipeline<'w> {
         let too_small = MemoryTooSmall { needed: words, given: self.words.len() };
         let (confidences, rest) = self.words.split_at_mut_checked(words).ok_or(PipelineError::Memory(too_small))?;
         let confidences = bytemuck::cast_slice_mut(confidences).get_mut(..width).unwrap_or_default();
-        let mut matcher = NetworkMatcher::new(kernel, params, TRAINED_WEIGHTS, rest).map_err(PipelineError::Network)?;
+        let mut matcher = NetworkMatcher::new(self.kernel, params, TRAINED_WEIGHTS, rest).map_err(PipelineError::Network)?;
         let read = matcher.read_frames(&mut Fetching::<B>::new(source));
         read.map_err(|error| PipelineError::Match(MatchError::Source(error)))?;
         matcher.run(|| B::enter(Phase::Matching)).map_err(PipelineError::Memory)?;
         pass.send_result(confidences, |v| matcher.line(v))?;
-        Ok(sender)
-    }
-
-    /// [`run`](Pipeline::run) for semi-global matching and its confidences.
-    ///
-    /// # Errors
-    /// Those of [`run`](Pipeline::run).
-    #[inline(always)]
-    pub fn match_semi_globally_with_confidences<B: Board, I: Kernel>(
-        self,
-        kernel: I,
-        params: &SemiGlobalParams,
-        source: &mut B::Frames,
-        output: &mut B::Output,
-    ) -> Result<Sender<'w>, RunError<B>> {
-        let mut sender = Sender::new(params.search(), self.packet);
-        let whole = Region::whole(params.search());
-        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
-        let table = &ConfidenceTable::SEMI_GLOBAL;
-        let (confidences, rest) = Confidences::new(kernel, params.search(), table, self.words).map_err(PipelineError::Memory)?;
-        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, rest).map_err(PipelineError::Memory)?;
-        let mut source = Fetching::<B>::new(source);
-        pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
         Ok(sender)
     }
 }
@@ -275,22 +262,19 @@ mod tests {
 
     use super::*;
     use crate::{
-        matching::{Lengths, Wide},
+        matching::Lengths,
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::{ErrorType, SliceWriteError, Write};
-    use multiscopic_core::{Frame, Fusion, ScanlineSource, SearchConfig, SearchSpace, SemiGlobalCost, View, Views};
+    use multiscopic_core::{Frame, Fusion, ScanlineSource, SearchConfig, SearchSpace, SemiGlobalCost, View, Views, valid};
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(24, 20) };
-    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
-        Ok(params) => params,
-        Err(_) => panic!("the parameters are out of range"),
-    };
+    const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(3));
     /// For two matches side by side as well.
-    const WORDS: usize = 2 * tiled(PARAMS.width()).lengths::<Wide>().matcher.words();
-    const PACKET: usize = tiled(PARAMS.width()).lengths::<Wide>().packet;
+    const WORDS: usize = 2 * tiled(PARAMS.width()).lengths().matcher.words();
+    const PACKET: usize = tiled(PARAMS.width()).lengths().packet;
 
     const fn tiled(tile_width: usize) -> Matching {
         Matching::Blocks { params: PARAMS, tile_width }
@@ -375,7 +359,7 @@ mod tests {
         let mut sources: Vec<_> = matching.searches().map(|search| TestBoard.frames(search).unwrap()).collect();
         let Ok(mut output) = TestBoard.output();
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
-        workspace.pipeline().run::<TestBoard, _>(Wide::default(), matching, &mut sources, &mut output).unwrap();
+        workspace.pipeline().run::<TestBoard, _>(matching, &mut sources, &mut output).unwrap();
         let mut pixels = vec![None; PARAMS.width() * PARAMS.height()];
         assert_eq!(output.sent.pop(), Some(0));
         for bytes in output.sent.split_mut(|&byte| byte == 0) {
@@ -430,7 +414,7 @@ mod tests {
             let Ok(mut output) = TestBoard.output();
             let mut workspace = Workspace::<{ 2 * WORDS }, W, { 2 * PACKET }>::new();
             let (matching, sources) = (Matching::WithConfidences(lines), &mut [Ramp::default()]);
-            workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, sources, &mut output).unwrap();
+            workspace.pipeline().run::<TestBoard, _>(&matching, sources, &mut output).unwrap();
             assert_eq!(output.sent.pop(), Some(0));
             let (mut sent, mut sent_confidences) = (Vec::new(), Vec::<u8>::new());
             for (v, bytes) in output.sent.split_mut(|&byte| byte == 0).enumerate() {
@@ -474,18 +458,16 @@ mod tests {
     #[test]
     fn confidences_need_their_memory() {
         let matching = Matching::WithConfidences(WholeLines::Blocks(PARAMS));
-        const NEEDED: Lengths = Matching::WithConfidences(WholeLines::Blocks(PARAMS)).lengths::<Wide>();
+        const NEEDED: Lengths = Matching::WithConfidences(WholeLines::Blocks(PARAMS)).lengths();
         let mut workspace = Workspace::<{ NEEDED.words() - 1 }, { NEEDED.columns }, { NEEDED.packet }>::new();
         let mut output = Output { sent: Vec::new(), capacity: usize::MAX };
-        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        let end = workspace.pipeline().run::<TestBoard, _>(&matching, &mut [Ramp::default()], &mut output);
         assert!(matches!(end, Err(PipelineError::Memory(_))));
         let mut workspace = Workspace::<{ NEEDED.words() }, { NEEDED.columns }, { NEEDED.packet - 1 }>::new();
-        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        let end = workspace.pipeline().run::<TestBoard, _>(&matching, &mut [Ramp::default()], &mut output);
         assert!(matches!(end, Err(PipelineError::Packet(_))));
         let mut workspace = Workspace::<{ NEEDED.words() }, { NEEDED.columns }, { NEEDED.packet }>::new();
-        assert!(
-            workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output).is_ok()
-        );
+        assert!(workspace.pipeline().run::<TestBoard, _>(&matching, &mut [Ramp::default()], &mut output).is_ok());
     }
 
     /// A search at twice the baseline of [`PARAMS`].
@@ -536,7 +518,7 @@ mod tests {
         let matching = Matching::AroundPrior { short: PARAMS, long: long() };
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
         let mut output = Output { sent: Vec::new(), capacity: usize::MAX };
-        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        let end = workspace.pipeline().run::<TestBoard, _>(&matching, &mut [Ramp::default()], &mut output);
         assert_eq!(end.err(), Some(PipelineError::Sources { needed: 2, given: 1 }));
     }
 
@@ -545,7 +527,7 @@ mod tests {
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
         let mut output = Output { sent: Vec::new(), capacity: 150 };
         let whole = tiled(PARAMS.width());
-        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &whole, &mut [Ramp::default()], &mut output);
+        let end = workspace.pipeline().run::<TestBoard, _>(&whole, &mut [Ramp::default()], &mut output);
         assert_eq!(end.err(), Some(PipelineError::Write(SliceWriteError::Full)));
     }
 }

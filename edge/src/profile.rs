@@ -1,20 +1,20 @@
 //! Ready-made match sizes and their RAM budgets.
 
 use multiscopic_core::{
-    BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, View, Views, kernel::Isa,
-    network::NetworkParams,
+    BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, View, Views,
+    network::NetworkParams, valid,
 };
 
-use crate::matching::{Lengths, Matching, WholeLines, Wide};
+use crate::matching::{Lengths, Matching, WholeLines};
 
 /// A named match size and the RAM that it may take.
 ///
 /// ```
 /// use multiscopic_core::Fusion;
-/// use multiscopic_edge::{Wide, profile::QVGA_TILED};
+/// use multiscopic_edge::{profile::QVGA_TILED};
 ///
 /// // Known at compile time: memory that does not suffice fails the build.
-/// const _: () = assert!(QVGA_TILED.lengths::<Wide>().bytes() <= QVGA_TILED.ram_budget);
+/// const _: () = assert!(QVGA_TILED.lengths().bytes() <= QVGA_TILED.ram_budget);
 /// let matching = QVGA_TILED.matching(Fusion::Heuristic);
 /// assert_eq!((matching.search().width(), matching.search().height()), (320, 240));
 /// assert_eq!((matching.tile_width(), matching.latency_lines()), (80, 38));
@@ -125,7 +125,7 @@ impl Profile {
         loop {
             let tile_width = (size.width as usize).div_ceil(tiles);
             let profile = Profile { method: Method::Blocks { tile_width }, ..whole };
-            if profile.lengths::<Wide>().matcher.bytes() + RESERVE <= profile.ram_budget {
+            if profile.lengths().matcher.bytes() + RESERVE <= profile.ram_budget {
                 return profile;
             }
             assert!(tile_width > 1, "a profile's RAM budget is too small for its narrowest tile");
@@ -179,9 +179,9 @@ impl Profile {
         }
     }
 
-    /// The lengths of the workspace's buffers with the kernel `I`. They are the same for every fusion.
-    pub const fn lengths<I: Isa>(&self) -> Lengths {
-        self.matching(Fusion::Min).lengths::<I>()
+    /// The lengths of the workspace's buffers. They are the same for every fusion.
+    pub const fn lengths(&self) -> Lengths {
+        self.matching(Fusion::Min).lengths()
     }
 }
 
@@ -204,20 +204,11 @@ impl MatchSize {
 
     const fn search(self, fusion: Fusion) -> SearchSpace {
         let MatchSize { width, height, views, min_disparity, num_disparities, .. } = self;
-        match (SearchConfig { width, height, views, fusion, min_disparity, num_disparities }).checked() {
-            Ok(search) => search,
-            Err(_) => panic!("a profile's parameters are out of range: see SearchConfig"),
-        }
+        valid(SearchConfig { width, height, views, fusion, min_disparity, num_disparities }.checked())
     }
 
     const fn params(self, fusion: Fusion) -> BlockMatchingParams {
-        match BlockMatchingParams::block_matching(self.search(fusion), self.block_size) {
-            Ok(params) => params,
-            Err(_) => panic!(
-                "a profile's block size is out of range, or it has more than four views and the feature `array` of \
-                 multiscopic-core is off: see BlockMatchingParams::block_matching"
-            ),
-        }
+        valid(BlockMatchingParams::block_matching(self.search(fusion), self.block_size))
     }
 
     const fn network(self, fusion: Fusion) -> NetworkParams {
@@ -228,10 +219,7 @@ impl MatchSize {
     }
 
     const fn semi_global(self, fusion: Fusion) -> SemiGlobalParams {
-        match SemiGlobalParams::new(self.search(fusion), SemiGlobalCost::Sad { block_size: self.block_size }) {
-            Ok(params) => params,
-            Err(_) => panic!("a profile's block size is out of range: see SemiGlobalCost::Sad"),
-        }
+        valid(SemiGlobalParams::new(self.search(fusion), SemiGlobalCost::Sad { block_size: self.block_size }))
     }
 }
 
@@ -247,7 +235,7 @@ mod tests {
             let width = usize::from(tiled.size.width);
             let tiles = width.div_ceil(tile_width(tiled));
             let wider = Profile { method: Method::Blocks { tile_width: width.div_ceil(tiles - 1) }, ..tiled };
-            assert!(wider.lengths::<Wide>().matcher.bytes() + RESERVE > tiled.ram_budget, "{}", tiled.name);
+            assert!(wider.lengths().matcher.bytes() + RESERVE > tiled.ram_budget, "{}", tiled.name);
         }
     }
 
@@ -255,7 +243,7 @@ mod tests {
     fn memory_does_not_depend_on_the_fusion() {
         for profile in ALL {
             for fusion in Fusion::ALL {
-                assert_eq!(profile.matching(fusion).lengths::<Wide>(), profile.lengths::<Wide>(), "{}", profile.name);
+                assert_eq!(profile.matching(fusion).lengths(), profile.lengths(), "{}", profile.name);
             }
         }
     }

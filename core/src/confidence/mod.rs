@@ -5,9 +5,9 @@
 mod table;
 
 use crate::{
-    BlockMatchingParams, Disparity, MatchError, MemoryTooSmall, SearchSpace,
+    Disparity, MatchError, MemoryTooSmall, SearchSpace,
     filters::{MatchedLines, copy_to},
-    kernel::{Isa, Portable},
+    kernel::{Isa, Native},
 };
 pub use table::ConfidenceTable;
 
@@ -98,7 +98,7 @@ fn long_division(mut rise: u32, sum: u32) -> u32 {
 ///
 /// ```
 /// use multiscopic_core::{
-///     BlockMatchingParams, ConfidenceLines, ConfidenceTable, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, Views,
+///     BlockMatchingParams, ConfidenceLines, ConfidenceTable, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, Views, valid,
 /// };
 ///
 /// /// A texture, seen three pixels further to each side.
@@ -121,10 +121,7 @@ fn long_division(mut rise: u32, sum: u32) -> u32 {
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(80, 30) };
-/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(5) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
+/// const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(5));
 /// let mut memory = [0; PARAMS.memory_words()];
 /// let mut lines_memory = [0; ConfidenceLines::memory_words(PARAMS.width())];
 /// let mut matcher = Matcher::new(&PARAMS, &mut memory)?;
@@ -141,7 +138,7 @@ fn long_division(mut rise: u32, sum: u32) -> u32 {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct ConfidenceLines<'m, I = Portable<{ BlockMatchingParams::LANES }>> {
+pub struct ConfidenceLines<'m, I = Native> {
     isa: I,
     table: &'m ConfidenceTable,
     lines: MatchedLines<'m, { ConfidenceTable::ROWS }>,
@@ -158,7 +155,7 @@ impl ConfidenceLines<'_> {
 }
 
 impl<'m> ConfidenceLines<'m> {
-    /// No lines yet, of frames of the size of `search`, with portable instructions.
+    /// No lines yet, of frames of the size of `search`, with the [kernel](Native) that the target is compiled for.
     ///
     /// `memory` has at least [`memory_words`](ConfidenceLines::memory_words) words, with any content.
     ///
@@ -169,7 +166,7 @@ impl<'m> ConfidenceLines<'m> {
         table: &'m ConfidenceTable,
         memory: &'m mut [u32],
     ) -> Result<ConfidenceLines<'m>, MemoryTooSmall> {
-        ConfidenceLines::with_isa(Portable, search, table, memory)
+        ConfidenceLines::with_isa(Native::default(), search, table, memory)
     }
 }
 
@@ -194,7 +191,7 @@ impl<'m, I: Isa> ConfidenceLines<'m, I> {
     ///
     /// # Errors
     /// Those of `matched`, or if a slice has another length than a line. No line is lost, and the call can be repeated.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn next_line<E>(
         &mut self,
         matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, MatchError<E>>,

@@ -10,14 +10,14 @@ const REACH: usize = 20;
 /// The columns that are sampled, from the first of them on. Compilers unroll a loop over them.
 const COLUMNS: [usize; 9] = [0, 5, 10, 15, 20, 25, 30, 35, 2 * REACH];
 /// Pixels whose agreements are counted together: as many as help compilers to vectorise.
-const BATCH: usize = if cfg!(target_arch = "arm") { 1 } else { 32 };
+const BATCH: usize = if cfg!(target_os = "none") { 1 } else { 32 };
 /// Pairs of pixels whose agreements are counted together: they share the checks of bounds.
 const PAIRS: usize = 2;
 /// A disparity as in [`Disparity::to_raw16`], in a register: many fit a vector, and one a register of Arm's microcontrollers.
-#[cfg(not(target_arch = "arm"))]
+#[cfg(not(target_os = "none"))]
 type Raw = u16;
 /// The same.
-#[cfg(target_arch = "arm")]
+#[cfg(target_os = "none")]
 type Raw = u32;
 
 /// Confidences: of each pixel the probability that its disparity is at most one pixel off, times 255.
@@ -45,13 +45,13 @@ impl ConfidenceTable {
     /// The confidences of a line. `rows` are the disparities of the line [`ROWS`](ConfidenceTable::ROWS) above it, of itself,
     /// and of that as many below it, or of the first and the last of the frame; `evidence` is that of its pixels. All are as
     /// long.
-    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(target_os = "none", inline(never))]
     pub fn line(&self, rows: [&[Option<Disparity>]; 3], evidence: &[u8], confidences: &mut [u8]) {
         self.line_with_isa(Portable::<1>, rows, evidence, confidences);
     }
 
     /// [`line`](ConfidenceTable::line) with an instruction set.
-    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(target_os = "none", inline(never))]
     pub(super) fn line_with_isa<I: Isa>(&self, isa: I, rows: [&[Option<Disparity>]; 3], evidence: &[u8], confidences: &mut [u8]) {
         let [_, line, _] = rows;
         agreements(isa, line, rows, confidences);
@@ -70,7 +70,7 @@ impl ConfidenceTable {
 }
 
 /// [`ConfidenceTable::agreements`] with an instruction set.
-#[cfg_attr(target_arch = "arm", inline(always))]
+#[cfg_attr(target_os = "none", inline(always))]
 fn agreements<I: Isa>(isa: I, line: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
     let width = line.len();
     // At the borders, pixels are repeated. The inner pixels have all their samples.
@@ -96,7 +96,7 @@ fn agreements<I: Isa>(isa: I, line: &[Option<Disparity>], rows: [&[Option<Dispar
 }
 
 /// Counts the samples that agree with each pixel of `own`. `rows` begin [`REACH`] columns before it, and end as many after it.
-#[cfg_attr(target_arch = "arm", inline(never))]
+#[cfg_attr(target_os = "none", inline(never))]
 fn count<I: Isa>(isa: I, own: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
     let mut u = 0;
     while u < own.len() {
@@ -154,7 +154,7 @@ fn pair_agreements<I: Isa>(
     rows: [&[Option<Disparity>]; 3],
     start: usize,
 ) -> Option<[[u8; 2]; PAIRS]> {
-    #[cfg_attr(target_arch = "arm", allow(clippy::useless_conversion))]
+    #[cfg_attr(target_os = "none", allow(clippy::useless_conversion))]
     let word = |[low, high]: [Raw; 2]| u32::from(low) | u32::from(high) << 16;
     let own = own.get(start..)?.as_chunks::<2>().0.first_chunk::<PAIRS>()?.map(|pair| pair.map(Neighbourhood::of));
     let bounds = own.map(|pair| [word(pair.map(|own| own.least)), word(pair.map(|own| own.span))]);

@@ -166,7 +166,7 @@ impl<'m, const REACH: usize> MatchedLines<'m, REACH> {
 
     /// Goes on to the next line and returns its index, or `None` after the last: all lines that it needs are there, the last of
     /// them from `matched`. The lines of output have these `lengths`.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn advance<E>(
         &mut self,
         mut matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, MatchError<E>>,

@@ -17,7 +17,7 @@ use crate::{
 /// sees on their way.
 ///
 /// ```
-/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, TextureLines, Views};
+/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, TextureLines, Views, valid};
 ///
 /// /// Stripes, and blank columns from 40 on, seen two pixels further to each side.
 /// struct Wall;
@@ -36,10 +36,7 @@ use crate::{
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(80, 30) };
-/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(5) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
+/// const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(5));
 /// let mut memory = [0; PARAMS.memory_words()];
 /// let mut matcher = Matcher::new(&PARAMS, &mut memory)?;
 /// let mut memory = [0; TextureLines::memory_words(&PARAMS)];

@@ -165,8 +165,8 @@ pub(super) const fn assert_costs<L: Lane, I: Blocks<L>>() {
 ///
 /// On Arm it is a function of its own: the loops for the usual rules, in assembly, then need fewer registers. It has a
 /// loop for the sum, which is the only rule that comes here often.
-#[cfg_attr(target_arch = "arm", inline(never))]
-#[cfg_attr(not(target_arch = "arm"), inline(always))]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 pub(super) fn fuse_loop<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
     rule: Rule,
@@ -174,7 +174,7 @@ pub(super) fn fuse_loop<L: Lane, I: Blocks<L>, const V: usize>(
     fused: &mut [I::Costs],
 ) -> L {
     match rule {
-        Rule::Sum if cfg!(target_arch = "arm") => fuse_by_rule(isa, Rule::Sum, blocks, fused),
+        Rule::Sum if cfg!(target_os = "none") => fuse_by_rule(isa, Rule::Sum, blocks, fused),
         _ => fuse_by_rule(isa, rule, blocks, fused),
     }
 }
@@ -200,8 +200,8 @@ fn fuse_by_rule<L: Lane, I: Blocks<L>, const V: usize>(
 }
 
 /// [`fuse_loop`] with masks.
-#[cfg_attr(target_arch = "arm", inline(never))]
-#[cfg_attr(not(target_arch = "arm"), inline(always))]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 pub(super) fn fuse_masked_loop<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
     rule: Rule,
@@ -240,6 +240,7 @@ pub(crate) struct Masks<'a, L: Lane, I: Blocks<L>, const V: usize> {
 
 impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
     /// Goes to pixel `(u, v)`.
+    #[inline(always)]
     pub fn enter_line(&mut self, u: usize, v: usize) {
         self.availability.enter_line(u, v, self.prior, |k, index, available| set::<L, I, V>(self.vectors, k, index, available));
     }

@@ -17,10 +17,12 @@
 //! | `x86` | `Avx2` and `Avx512` |
 //! | `aarch64` | `Neon` |
 //! | `arm` | `Dsp` and `Mve`, for microcontrollers |
+//!
+//! [`Native`] is the one that the target is compiled for.
 
 #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
 mod aarch64;
-#[cfg(target_arch = "arm")]
+#[cfg(multiscopic_dsp)]
 mod arm;
 mod batch;
 mod blocks;
@@ -34,8 +36,10 @@ mod x86;
 
 #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
 pub use aarch64::Neon;
-#[cfg(target_arch = "arm")]
-pub use arm::{Dsp, Mve};
+#[cfg(multiscopic_dsp)]
+pub use arm::Dsp;
+#[cfg(multiscopic_mve)]
+pub use arm::Mve;
 pub(crate) use batch::{Batch, Winners};
 pub use blocks::Blocks;
 pub(crate) use blocks::Masks;
@@ -50,3 +54,16 @@ pub(crate) use steps::Samples;
 pub use steps::Steps;
 #[cfg(target_arch = "x86_64")]
 pub use x86::{Avx2, Avx512};
+
+#[cfg(multiscopic_mve)]
+type KernelOfTarget = Mve;
+#[cfg(all(multiscopic_dsp, not(multiscopic_mve)))]
+type KernelOfTarget = Dsp;
+#[cfg(not(multiscopic_dsp))]
+type KernelOfTarget = Portable<8>;
+
+/// The kernel that a matcher takes unless it is told otherwise: `Mve` if the program is compiled for a Cortex-M with Helium, `Dsp`
+/// for one with the DSP extension, and their portable twin for any other processor.
+///
+/// All three have eight lanes, so that a match takes the same memory everywhere.
+pub type Native = KernelOfTarget;

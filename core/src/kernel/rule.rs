@@ -62,7 +62,7 @@ impl Rule {
     }
 
     /// Fuses the costs of views that are all available.
-    #[inline(always)]
+    #[cfg_attr(not(all(debug_assertions, target_os = "none")), inline(always))]
     pub(crate) fn fuse<L: Lane, B: Block<L>, const V: usize>(self, costs: [B; V]) -> B {
         match (self, &costs[..]) {
             (Rule::Sum, &[a, b]) => a.add(b),
@@ -100,7 +100,7 @@ impl Rule {
 
     /// Fuses costs of which some may be `maximum`, [`Lane::MAX`] in every lane, where a mask hides the view. Sums are on
     /// the scale of [`fuse_available`](Rule::fuse_available).
-    #[inline(always)]
+    #[cfg_attr(not(all(debug_assertions, target_os = "none")), inline(always))]
     pub(crate) fn fuse_masked<L: Lane, B: Block<L>, const V: usize>(self, costs: [B; V], maximum: B) -> B {
         match self {
             Rule::Half if Rule::HAS_HALF && V > 2 => half_of_available(costs, maximum),
@@ -112,7 +112,7 @@ impl Rule {
     /// Fuses the costs of the `available` views, a bit for each, on one scale whatever their number. An
     /// unavailable view has the cost [`Rule::neutral`]. `maximum` is [`Lane::MAX`] in every lane: the cost if
     /// no view is available, and for the sum of some of five views or more, whose scale is too large for lanes.
-    #[inline(always)]
+    #[cfg_attr(not(all(debug_assertions, target_os = "none")), inline(always))]
     pub(super) fn fuse_available<L: Lane, B: Block<L>, const V: usize>(self, available: u8, costs: [B; V], maximum: B) -> B {
         match (self, available.count_ones()) {
             (_, 0) => maximum,
@@ -173,7 +173,7 @@ fn sum<L, B: Block<L>>(first: B, rest: &[B]) -> B {
 
 /// The sum of the available costs of two to four, times as much as there are fewer: `maximum`, [`Lane::MAX`], where a
 /// view is not available, and if none is.
-#[inline(always)]
+#[cfg_attr(not(all(debug_assertions, target_os = "none")), inline(always))]
 fn sum_of_available<L, B: Block<L>, const V: usize>(mut costs: [B; V], maximum: B) -> B {
     // Those that are available first.
     for i in 0..V {
@@ -260,8 +260,8 @@ fn half_of_all<L: Lane, B: Block<L>, const V: usize>(costs: [B; V]) -> B {
 ///
 /// The costs of single views do not saturate, so a cost is that of an available view if it is below the maximum.
 // Not inlined in firmware: it is long, and no profile uses it by default.
-#[cfg_attr(target_arch = "arm", inline(never))]
-#[cfg_attr(not(target_arch = "arm"), inline(always))]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 fn half_of_available<L: Lane, B: Block<L>, const V: usize>(mut costs: [B; V], maximum: B) -> B {
     match &mut costs[..] {
         [a, b, c] => [*a, *b, *c] = sorted_three([*a, *b, *c]),

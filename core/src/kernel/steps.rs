@@ -111,10 +111,10 @@ pub(super) struct Step<'a, I: Isa, const V: usize> {
 pub(super) struct RawStep<'a, I: Isa, const V: usize> {
     pub center: Change<u8>,
     /// The index of the column.
-    #[cfg(target_arch = "arm")]
+    #[cfg(multiscopic_dsp)]
     pub index: usize,
     /// The first of `V` tracks.
-    #[cfg(target_arch = "arm")]
+    #[cfg(multiscopic_dsp)]
     pub tracks: *const Track,
     pub entering: *mut I::Sums,
     pub leaving: *const I::Sums,
@@ -230,9 +230,9 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         let center = unsafe { Change { entering: *center.entering.add(index), leaving: *center.leaving.add(index) } };
         Some(RawStep {
             center,
-            #[cfg(target_arch = "arm")]
+            #[cfg(multiscopic_dsp)]
             index,
-            #[cfg(target_arch = "arm")]
+            #[cfg(multiscopic_dsp)]
             tracks: self.tracks.as_ptr(),
             entering,
             leaving,

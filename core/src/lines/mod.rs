@@ -28,9 +28,10 @@ mod warped_rows;
 use core::iter;
 
 use crate::{
-    BlockMatchingParams, Frame, MatchError, Region, ScanlineSource, View, Views,
+    BlockMatchingParams, Frame, MatchError, Params, Region, ScanlineSource, View, Views,
     kernel::Samples,
     memory::{Shape, StackShape},
+    params::prior_of,
 };
 pub(crate) use storage::replicate;
 use storage::{Columns, Rows, SpreadRows};
@@ -50,16 +51,17 @@ pub(crate) struct Frames<'m> {
 impl<'m> Frames<'m> {
     /// Reads the lines that blocks need to reach down to line `v` of the centre. `line` is a buffer for a
     /// line.
-    pub fn read_ahead<S: ScanlineSource>(
+    pub fn read_ahead<S: ScanlineSource, P: Params<BlockMatchingParams>>(
         &mut self,
         source: &mut S,
-        params: &BlockMatchingParams,
+        params: &P,
         line: &mut [u8],
         v: i32,
     ) -> Result<(), MatchError<S::Error>> {
+        let params = params.get();
         // Around a prior, virtual lines are those nearest to them inside the frame.
-        let v = if self.priors.is_some() { v.min(params.height() as i32 - 1).max(0) } else { v };
-        if let Some(priors) = &mut self.priors {
+        let v = if prior_of::<P, _>(self.priors.as_ref()).is_some() { v.min(params.height() as i32 - 1).max(0) } else { v };
+        if let Some(priors) = prior_of::<P, _>(self.priors.as_mut()) {
             priors.read_ahead(source, v as usize)?;
         }
         for (frame, lines) in self.frames(params) {
@@ -69,7 +71,7 @@ impl<'m> Frames<'m> {
             }
             lines.extend(v);
         }
-        if let Some(priors) = &self.priors {
+        if let Some(priors) = prior_of::<P, _>(self.priors.as_ref()) {
             self.views.iter_mut().flatten().for_each(|lines| lines.warp(v, priors.steps()));
         }
         Ok(())
@@ -221,7 +223,15 @@ impl<'m> Lines<'m> {
     /// Stores the line that was [`needed_line`](Lines::needed_line) for line `v` of the centre: one plane of `width` pixels
     /// after the other.
     pub fn take(&mut self, v: i32, line: &[u8], width: usize) {
-        let planes = || line.chunks_exact(width.max(1));
+        let planes = || {
+            // Not `chunks_exact`, whose division may panic where the compiler does not see that it cannot.
+            let mut rest = line;
+            iter::from_fn(move || {
+                let plane;
+                (plane, rest) = rest.split_at_checked(width)?;
+                Some(plane)
+            })
+        };
         match &mut self.store {
             Store::Rows(rows) => rows.put(self.next, planes()),
             Store::SpreadRows(rows) => rows.put(self.next, planes()),

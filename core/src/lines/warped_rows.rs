@@ -101,13 +101,10 @@ impl WarpedRows<'_> {
     pub fn put(&mut self, row: i32, line: &[u8]) {
         let start = self.count * self.span * self.depth + self.place(row);
         let is_mirrored = self.is_mirrored();
-        if let Some(stored) = self.samples.get_mut(start..start + self.width)
-            && stored.len() == line.len()
-        {
-            stored.copy_from_slice(line);
-            if is_mirrored {
-                stored.reverse();
-            }
+        let Some(stored) = self.samples.get_mut(start..start + self.width) else { return };
+        match is_mirrored {
+            true => stored.iter_mut().rev().zip(line).for_each(|(stored, sample)| *stored = *sample),
+            false => stored.iter_mut().zip(line).for_each(|(stored, sample)| *stored = *sample),
         }
     }
 

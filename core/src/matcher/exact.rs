@@ -20,7 +20,7 @@
 use core::{ops::Range, slice};
 
 use crate::{
-    BlockMatchingParams, Disparity, Fusion, MatchingCost, SemiGlobalParams,
+    BlockMatchingParams, Disparity, Fusion, MatchingCost, Params, SemiGlobalParams,
     confidence::PeakRatio,
     kernel::{Blocks, Lane},
     params::PriorLine,
@@ -29,8 +29,8 @@ use crate::{
 /// The fused costs of a pixel in 32 bits, one by one. They are needed where lanes have saturated, and next to
 /// disparities at which no view is available.
 #[derive(Clone, Copy)]
-pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
-    pub params: &'a BlockMatchingParams,
+pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, P, const V: usize> {
+    pub params: &'a P,
     /// The pixel's column.
     pub u: usize,
     /// The pixel's line.
@@ -41,7 +41,7 @@ pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub blocks: &'a [[I::Costs; V]],
 }
 
-impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
+impl<L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>, const V: usize> Exact<'_, L, I, P, V> {
     /// The disparity of the existing candidate of least fused cost, the smallest if several tie, refined if
     /// both neighbours exist.
     #[cold]
@@ -63,10 +63,10 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         let available = self.available();
         let Some((least, index)) = self.winner(&available, |_| true) else { return (0, true) };
         let ratio = self.winner(&available, |other| other.abs_diff(index) > 1).map(|(second, _)| {
-            let scale = self.params.fusion().scale(V) as u32;
-            PeakRatio { least, second, unit: self.params.block_area() * scale }
+            let scale = self.params.get().fusion().scale(V) as u32;
+            PeakRatio { least, second, unit: self.params.get().block_area() * scale }
         });
-        PeakRatio::judge(ratio, index, self.params.num_disparities(), self.params.uniqueness_ratio())
+        PeakRatio::judge(ratio, index, self.params.get().num_disparities(), self.params.get().uniqueness_ratio())
     }
 
     /// The least fused cost of the existing candidates at these indices, and its index, the smallest if several tie.
@@ -74,7 +74,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         if available.iter().all(Range::is_empty) {
             return None;
         }
-        let searched = (0..self.params.num_disparities()).filter(|&index| is_searched(index));
+        let searched = (0..self.params.get().num_disparities()).filter(|&index| is_searched(index));
         searched.filter_map(|index| Some((self.cost(available, index)?, index))).min_by_key(|&(cost, _)| cost)
     }
 
@@ -83,10 +83,10 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     pub fn refined(&self, index: usize) -> Option<Disparity> {
         let available = self.available();
         let cost = |index| self.cost(&available, index);
-        let d = self.params.min_disparity() + index as i16;
+        let d = self.params.get().min_disparity() + index as i16;
         match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
             // The mean of five views or more has a larger scale than the other rules.
-            (Some(before), Some(at), Some(after)) if V > 4 && self.params.fusion() == Fusion::Mean => {
+            (Some(before), Some(at), Some(after)) if V > 4 && self.params.get().fusion() == Fusion::Mean => {
                 let refine = if self.prior.is_some() { Disparity::refine_equiangular_wide } else { Disparity::refine_wide };
                 refine(d, before.into(), at.into(), after.into())
             }
@@ -102,9 +102,9 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     /// divided by `2^shift`, and 255 where a candidate does not exist and past the last disparity.
     pub fn quotients(&self, shift: u32, costs: &mut [u8]) {
         let available = self.available();
-        let scale = self.params.fusion().scale(V) as u32;
+        let scale = self.params.get().fusion().scale(V) as u32;
         costs.fill(u8::MAX);
-        for (index, quotient) in costs.iter_mut().enumerate().take(self.params.num_disparities()) {
+        for (index, quotient) in costs.iter_mut().enumerate().take(self.params.get().num_disparities()) {
             if let Some(cost) = self.cost(&available, index) {
                 let cost = cost.checked_div(scale << shift).unwrap_or_default();
                 *quotient = cost.min(SemiGlobalParams::MAX_COST.into()) as u8;
@@ -114,7 +114,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
 
     /// The indices of the disparities at which the pixel sees each view.
     fn available(&self) -> [Range<u16>; V] {
-        let (params, views) = (self.params, self.params.views());
+        let (params, views) = (self.params.get(), self.params.get().views());
         let mut available = [const { 0..0 }; V];
         for (k, available) in available.iter_mut().enumerate() {
             let Some(view) = views.get(k) else { break };
@@ -136,6 +136,6 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
             let lanes: &[L] = bytemuck::try_cast_slice(slice::from_ref(sums)).ok()?;
             *cost = lanes.get(I::lane(index % I::LANES))?.widen();
         }
-        Some(self.params.fusion().fuse(costs)).filter(|cost| cost.exists())
+        Some(self.params.get().fusion().fuse(costs)).filter(|cost| cost.exists())
     }
 }

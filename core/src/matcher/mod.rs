@@ -15,11 +15,12 @@ use core::marker::PhantomData;
 use bytemuck::Pod;
 
 use crate::{
-    BlockMatchingParams, Disparity, Frame, MatchError, Memory, MemoryTooSmall, Region, ScanlineSource, Views,
+    BlockMatchingParams, Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource, Views,
     availability::Availability,
-    kernel::{Blocks, Change, Isa, Kernel, Lane, Portable},
+    kernel::{Blocks, Change, Isa, Kernel, Lane, Native},
     lines::{Frames, Lines, PriorLines},
     memory::{Lender, Shape},
+    params::prior_of,
 };
 use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 
@@ -30,7 +31,7 @@ use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 /// column and lose a column. The caller lends the memory for these sums and for the lines under the blocks.
 ///
 /// ```
-/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Matcher, Memory, ScanlineSource, SearchConfig, Views};
+/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, Views, params};
 ///
 /// /// A ramp, seen three pixels further to each side.
 /// struct Ramp;
@@ -52,22 +53,22 @@ use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
-/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(5) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
-/// let mut memory = [0; PARAMS.memory_words()];
-/// let mut matcher = Matcher::new(&PARAMS, &mut memory)?;
-/// let mut line = [None; PARAMS.width()];
+/// params!(Narrow: BlockMatchingParams = SEARCH.block_matching(5));
+///
+/// let mut memory = [0; Narrow::PARAMS.memory_words()];
+/// let mut matcher = Matcher::new(&Narrow, &mut memory)?;
+/// let mut line = [None; Narrow::PARAMS.width()];
 /// while let Some(_v) = matcher.next_line(&mut Ramp, &mut line)? {
 ///     assert_eq!(line[20].map(f32::from), Some(3.0));
 /// }
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
+///
+/// Its parameters, `P`, are values, or [constants](Params) that it is compiled for.
 #[derive(Debug)]
-pub struct Matcher<'m, I = Portable<{ BlockMatchingParams::LANES }>> {
+pub struct Matcher<'m, I = Native, P = BlockMatchingParams> {
     isa: I,
-    params: BlockMatchingParams,
+    params: P,
     region: Region,
     shape: Shape,
     frames: Frames<'m>,
@@ -99,28 +100,25 @@ struct Sums<'m> {
 }
 
 impl BlockMatchingParams {
-    /// The lanes of the kernel that [`Matcher::new`] uses.
-    pub const LANES: usize = 4;
-
     /// The words of memory that [`Matcher::new`] needs: see [`Memory`].
     pub const fn memory_words(&self) -> usize {
-        Memory::new::<Portable<{ BlockMatchingParams::LANES }>>(self, self.width()).words()
+        Memory::new::<Native>(self, self.width()).words()
     }
 }
 
-impl<'m> Matcher<'m> {
-    /// A pass over the whole frame with portable instructions.
+impl<'m, P: Params<BlockMatchingParams>> Matcher<'m, Native, P> {
+    /// A pass over the whole frame with the [kernel](Native) that the target is compiled for.
     ///
     /// `memory` has at least [`BlockMatchingParams::memory_words`] words, with any content.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    pub fn new(params: &BlockMatchingParams, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
-        Matcher::with_isa(Portable, params, &Region::whole(params.search()), memory)
+    pub fn new(params: &P, memory: &'m mut [u32]) -> Result<Matcher<'m, Native, P>, MemoryTooSmall> {
+        Matcher::with_isa(Native::default(), params, &Region::whole(params.get().search()), memory)
     }
 }
 
-impl<'m, I: Isa> Matcher<'m, I> {
+impl<'m, I: Isa, P: Params<BlockMatchingParams>> Matcher<'m, I, P> {
     /// A pass over `region` with an instruction set.
     ///
     /// `memory` has at least the [`words`](Memory::words) that [`Memory::new`] states for the region's width,
@@ -128,23 +126,19 @@ impl<'m, I: Isa> Matcher<'m, I> {
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    pub fn with_isa(
-        isa: I,
-        params: &BlockMatchingParams,
-        region: &Region,
-        memory: &'m mut [u32],
-    ) -> Result<Matcher<'m, I>, MemoryTooSmall> {
-        let needed = Memory::new::<I>(params, region.width()).words();
-        Matcher::in_lent_memory(isa, params, region, &mut Lender::new::<I>(memory, needed)?)
+    pub fn with_isa(isa: I, params: &P, region: &Region, memory: &'m mut [u32]) -> Result<Matcher<'m, I, P>, MemoryTooSmall> {
+        let needed = Memory::new::<I>(params.get(), region.width()).words();
+        Matcher::in_lent_memory(isa, *params, region, &mut Lender::new::<I>(memory, needed)?)
     }
 
     /// [`with_isa`](Matcher::with_isa), in memory of which other parts may be lent to others.
     pub(crate) fn in_lent_memory(
         isa: I,
-        params: &BlockMatchingParams,
+        constants: P,
         region: &Region,
         lender: &mut Lender<'m>,
-    ) -> Result<Matcher<'m, I>, MemoryTooSmall> {
+    ) -> Result<Matcher<'m, I, P>, MemoryTooSmall> {
+        let params = constants.get();
         let shape = Shape::new::<I>(params, region.width());
         let sizes = Memory::new::<I>(params, region.width());
         let mut lend = |bytes| lender.words(bytes);
@@ -177,7 +171,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
         };
         Ok(Matcher {
             isa,
-            params: *params,
+            params: constants,
             region: *region,
             shape,
             frames: Frames { center, views, priors },
@@ -191,14 +185,14 @@ impl<'m, I: Isa> Matcher<'m, I> {
 
     /// The parameters of the match.
     pub fn params(&self) -> &BlockMatchingParams {
-        &self.params
+        self.params.get()
     }
 
     /// The samples of the centre in line `v`, which was computed last.
     pub(crate) fn center(&self, v: usize) -> &[u8] {
         let line = self.frames.center.at(v as i32);
-        let start = line.start + self.params.radius();
-        line.memory.get(start..start + self.params.width()).unwrap_or_default()
+        let start = line.start + self.params().radius();
+        line.memory.get(start..start + self.params().width()).unwrap_or_default()
     }
 
     /// The region that this pass computes.
@@ -207,7 +201,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
     }
 }
 
-impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
+impl<I: Blocks<u16> + Blocks<u32>, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
     /// Computes the next disparity line of the region into `out`, a pixel for each of its columns, and
     /// returns the line's index in the frame, or `None` after the last.
     ///
@@ -215,7 +209,7 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
     /// [`MatchError`]: the source failed, or `out` has the wrong length. No line is lost, and the call can be
     /// repeated.
     // Inlined in firmware, which has a single matcher, so that the compiler knows its parameters.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn next_line<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -234,7 +228,7 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
     ///
     /// # Errors
     /// As [`next_line`](Matcher::next_line), also if `peaks` has the wrong length.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn next_line_and_peaks<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -247,7 +241,7 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         self.next_into(source, DisparityLine { disparities: out, peaks: Some(peaks) })
     }
 
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     fn next_into<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -261,36 +255,29 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
             return Ok(None);
         }
         self.compute_disparities(source, DisparityLine { disparities: &mut *disparities, peaks })?;
-        if let Some(prior) = self.frames.priors.as_ref().map(|priors| priors.line(v)) {
-            prior.refine(self.region.columns(), self.params.search(), disparities);
+        if let Some(prior) = prior_of::<P, _>(self.frames.priors.as_ref()).map(|priors| priors.line(v)) {
+            prior.refine(self.region.columns(), self.params.get().search(), disparities);
         }
         self.next += 1;
         Ok(Some(v))
     }
 
     /// Computes the next disparity line, or with a prior those from its offsets.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     fn compute_disparities<S: ScanlineSource>(
         &mut self,
         source: &mut S,
         out: DisparityLine<'_>,
     ) -> Result<(), MatchError<S::Error>> {
-        match (self.shape.lane_bytes, self.params.views().places()) {
-            (2, 1) => self.compute::<S, u16, 1, _>(source, out),
-            (2, 2) => self.compute::<S, u16, 2, _>(source, out),
-            (2, 3) => self.compute::<S, u16, 3, _>(source, out),
-            (2, 8) if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u16, 8, _>(source, out),
-            (2, _) => self.compute::<S, u16, 4, _>(source, out),
-            (_, 1) => self.compute::<S, u32, 1, _>(source, out),
-            (_, 2) => self.compute::<S, u32, 2, _>(source, out),
-            (_, 3) => self.compute::<S, u32, 3, _>(source, out),
-            (_, 8) if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u32, 8, _>(source, out),
-            (_, _) => self.compute::<S, u32, 4, _>(source, out),
+        match self.shape.lane_bytes {
+            2 if const { Self::may_have_sums_of(2) } => self.compute::<S, u16, _>(source, out),
+            4 if const { Self::may_have_sums_of(4) } => self.compute::<S, u32, _>(source, out),
+            _ => Ok(()),
         }
     }
 }
 
-impl<I: Kernel> Matcher<'_, I> {
+impl<I: Kernel, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
     /// Computes the next line of the region, and instead of its disparities the matching costs of
     /// [semi-global matching](crate::SemiGlobalParams) into `costs`: fused sums, divided by `2^shift`.
     ///
@@ -300,7 +287,7 @@ impl<I: Kernel> Matcher<'_, I> {
     ///
     /// # Errors
     /// [`MatchError::Source`]. No line is lost, and the call can be repeated.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn next_costs<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -308,23 +295,48 @@ impl<I: Kernel> Matcher<'_, I> {
         costs: &mut [u8],
         depth: usize,
     ) -> Result<(), MatchError<S::Error>> {
-        let out = CostLine { costs, depth, shift };
-        match self.params.views().places() {
-            1 => self.compute::<S, u16, 1, _>(source, out)?,
-            2 => self.compute::<S, u16, 2, _>(source, out)?,
-            3 => self.compute::<S, u16, 3, _>(source, out)?,
-            8 if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u16, 8, _>(source, out)?,
-            _ => self.compute::<S, u16, 4, _>(source, out)?,
-        }
+        self.compute::<S, u16, _>(source, CostLine { costs, depth, shift })?;
         self.next += 1;
         Ok(())
     }
 }
 
-impl<I: Isa> Matcher<'_, I> {
-    /// Computes the next line, in `V` views and with block sums in lanes of type `L`.
-    #[cfg_attr(target_arch = "arm", inline(always))]
-    fn compute<S: ScanlineSource, L: Lane, const V: usize, O: Output<L, I>>(
+impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
+    /// False if the parameters are constants, and their sums have another width. Code for other constants is not compiled.
+    const fn may_have_sums_of(bytes: usize) -> bool {
+        match P::KNOWN {
+            Some(params) => params.lane_bytes() == bytes,
+            None => true,
+        }
+    }
+
+    /// False if the parameters are constants, and have another number of [places](Views::places).
+    const fn may_have_places(places: usize) -> bool {
+        match P::KNOWN {
+            Some(params) => params.views().places() == places,
+            None => places <= Views::MAX_MATCHED,
+        }
+    }
+
+    /// Computes the next line with block sums in lanes of type `L`.
+    #[cfg_attr(target_os = "none", inline(always))]
+    fn compute<S: ScanlineSource, L: Lane, O: Output<L, I>>(&mut self, source: &mut S, out: O) -> Result<(), MatchError<S::Error>>
+    where
+        I: Blocks<L>,
+    {
+        match self.params.get().views().places() {
+            1 if const { Self::may_have_places(1) } => self.compute_with::<S, L, 1, _>(source, out),
+            2 if const { Self::may_have_places(2) } => self.compute_with::<S, L, 2, _>(source, out),
+            3 if const { Self::may_have_places(3) } => self.compute_with::<S, L, 3, _>(source, out),
+            4 if const { Self::may_have_places(4) } => self.compute_with::<S, L, 4, _>(source, out),
+            8 if const { Self::may_have_places(8) } => self.compute_with::<S, L, 8, _>(source, out),
+            _ => Ok(()),
+        }
+    }
+
+    /// Computes the next line in `V` views.
+    #[cfg_attr(target_os = "none", inline(always))]
+    fn compute_with<S: ScanlineSource, L: Lane, const V: usize, O: Output<L, I>>(
         &mut self,
         source: &mut S,
         out: O,
@@ -332,37 +344,38 @@ impl<I: Isa> Matcher<'_, I> {
     where
         I: Blocks<L>,
     {
-        let (v, vectors) = (self.next, self.shape.depth / I::LANES);
+        let (v, params) = (self.next, self.params.get());
+        let vectors = params.num_disparities().div_ceil(I::LANES);
         let columns = cast_mut::<_, I::Sums>(self.sums.columns).get_mut(..self.shape.span * V * vectors).unwrap_or_default();
         let bias = I::bias((v + 1 - self.region.rows().start) as u32);
         cast_mut::<_, u16>(self.sums.zeros).fill(bias);
         let empty_column = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
         // The lowest line of the blocks enters. At the top of the region all their lines enter beforehand,
         // and the sweep's own step changes nothing: the same line enters and leaves.
-        let entering = v as i32 + self.params.radius() as i32;
-        let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
+        let entering = v as i32 + params.radius() as i32;
+        let mut lines = Change { entering, leaving: entering - params.block_size() as i32 };
         if v == self.region.rows().start {
             lines.leaving = entering;
             while self.next_primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.next_primed)?;
                 let line = Change { entering: self.next_primed, leaving: self.next_primed };
-                let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, self.params.block_size());
+                let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, params.block_size());
                 self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
                 self.next_primed += 1;
             }
         }
         self.frames.read_ahead(source, &self.params, self.line, entering)?;
-        if v + 1 == self.params.height() {
-            self.frames.read_rest(source, &self.params, self.line)?;
+        if v + 1 == params.height() {
+            self.frames.read_rest(source, params, self.line)?;
         }
         let (blocks, kept) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
-        let sweep = Sweep::<L, I, V, O> {
+        let sweep = Sweep::<L, I, V, P, O> {
             isa: self.isa,
-            prior: self.frames.priors.as_ref().map(|priors| priors.line(v)),
+            prior: prior_of::<P, _>(self.frames.priors.as_ref()).map(|priors| priors.line(v)),
             params: &self.params,
             region: &self.region,
             v,
-            steps: sweep::steps(&self.frames, lines, columns, empty_column, self.params.block_size()),
+            steps: sweep::steps(&self.frames, lines, columns, empty_column, params.block_size()),
             blocks,
             kept,
             masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),

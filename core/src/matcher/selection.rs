@@ -31,7 +31,7 @@ use core::slice;
 
 use super::exact::Exact;
 use crate::{
-    BlockMatchingParams, Disparity,
+    BlockMatchingParams, Disparity, Params,
     availability::Availability,
     confidence::PeakRatio,
     disparity::Around,
@@ -42,9 +42,9 @@ use crate::{
 /// Selects disparities by their fused costs in lanes.
 ///
 /// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
-pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
+pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>, P> {
     isa: I,
-    params: &'a BlockMatchingParams,
+    params: &'a P,
     pub rule: Rule,
     /// The index of each lane of a vector.
     indices: I::Costs,
@@ -57,8 +57,9 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     parabola_disparities: usize,
 }
 
-impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
-    pub fn new(isa: I, params: &'a BlockMatchingParams, rule: Rule) -> Selection<'a, L, I> {
+impl<'a, L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'a, L, I, P> {
+    pub fn new(isa: I, constants: &'a P, rule: Rule) -> Selection<'a, L, I, P> {
+        let params = constants.get();
         let mut indices = <I::Costs as bytemuck::Zeroable>::zeroed();
         let mut padding = indices;
         for index in 0..I::LANES {
@@ -73,7 +74,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         let padding = (!params.num_disparities().is_multiple_of(I::LANES)).then_some(padding);
         let inner_disparities = params.num_disparities().saturating_sub(2);
         let parabola_disparities = if params.prior().is_some() { 0 } else { inner_disparities };
-        Selection { isa, params, rule, indices, padding, inner_disparities, parabola_disparities }
+        Selection { isa, params: constants, rule, indices, padding, inner_disparities, parabola_disparities }
     }
 
     /// Masks over `vectors`, in which all lanes are masked as yet, of a pixel that sees no view as yet.
@@ -107,8 +108,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
 
     /// Fuses the sums of a block segment by segment, since masks cannot hide views here, and returns the
     /// least fused cost.
-    #[cfg_attr(target_arch = "arm", inline(never))]
-    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    #[cfg_attr(target_os = "none", inline(never))]
+    #[cfg_attr(not(any(target_os = "none", debug_assertions)), inline(always))]
     fn fuse_segments<const V: usize>(&self, availability: &Availability, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         for segment in availability.segments() {
             // The next segment overwrites the lanes past the end of this one. Only the lanes before its start
@@ -157,9 +158,10 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         &self,
         winners: &Winners<L>,
         pixels: &mut [Option<Disparity>],
-        exact: impl Fn(usize) -> Exact<'e, L, I, V>,
+        exact: impl Fn(usize) -> Exact<'e, L, I, P, V>,
     ) where
         I: 'e,
+        P: 'e,
     {
         let mut around = Around { d: [0; MAX_BATCH], before: [0; MAX_BATCH], at: [0; MAX_BATCH], after: [0; MAX_BATCH] };
         let mut unclear = [false; MAX_BATCH];
@@ -168,12 +170,12 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             // The disparities at the ends of the search are not refined.
             let inner = index.wrapping_sub(1) < self.inner_disparities as u32;
             *unclear = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
-            around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
+            around.d[i] = self.params.get().min_disparity().wrapping_add(index as i16);
             around.before[i] = if inner { before } else { at }.widen();
             around.at[i] = at.widen();
             around.after[i] = if inner { after } else { at }.widen();
         }
-        let refined = match self.params.prior() {
+        let refined = match self.params.get().prior() {
             Some(_) => Disparity::refine_all_equiangular(&around),
             None => Disparity::refine_all(&around),
         };
@@ -201,10 +203,11 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         &self,
         cost: L,
         fused: &[I::Costs],
-        exact: impl FnOnce() -> Exact<'e, L, I, V>,
+        exact: impl FnOnce() -> Exact<'e, L, I, P, V>,
     ) -> Option<Disparity>
     where
         I: 'e,
+        P: 'e,
     {
         match cost == L::MAX {
             true => exact().disparity(),
@@ -220,10 +223,11 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         least: L,
         fused: &mut [I::Costs],
         unit: u32,
-        exact: impl Fn() -> Exact<'e, L, I, V>,
+        exact: impl Fn() -> Exact<'e, L, I, P, V>,
     ) -> (Option<Disparity>, u8)
     where
         I: 'e,
+        P: 'e,
     {
         if least == L::MAX {
             return exact().disparity_and_peak();
@@ -241,12 +245,13 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         index: usize,
         cost: L,
         fused: &[I::Costs],
-        exact: impl FnOnce() -> Exact<'e, L, I, V>,
+        exact: impl FnOnce() -> Exact<'e, L, I, P, V>,
     ) -> Option<Disparity>
     where
         I: 'e,
+        P: 'e,
     {
-        let d = self.params.min_disparity() + index as i16;
+        let d = self.params.get().min_disparity() + index as i16;
         let before = index.wrapping_sub(1);
         let neighbours = || {
             let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
@@ -270,12 +275,12 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     }
 }
 
-impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
+impl<L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'_, L, I, P> {
     /// A grey value's difference in each sample of the block, on the scale of the costs fused in lanes where these views are
     /// not available at all disparities.
     #[inline(always)]
     pub fn unit<const V: usize>(&self, incomplete: u8) -> u32 {
-        self.params.block_area() * self.rule.scale(V, incomplete == 0)
+        self.params.get().block_area() * self.rule.scale(V, incomplete == 0)
     }
 
     /// The grades of the peak ratios of a batch of pixels with their `units`, from their fused costs, which it overwrites. Pixels
@@ -288,9 +293,10 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
         units: &[u32; MAX_BATCH],
         pixels: &mut [Option<Disparity>],
         mut peaks: Option<&mut [u8]>,
-        exact: impl Fn(usize) -> Exact<'e, L, I, V>,
+        exact: impl Fn(usize) -> Exact<'e, L, I, P, V>,
     ) where
         I: 'e,
+        P: 'e,
     {
         let vectors = fused.len().checked_div(pixels.len()).unwrap_or_default().max(1);
         for (i, (pixel, fused)) in pixels.iter_mut().zip(fused.chunks_exact_mut(vectors)).enumerate() {
@@ -317,10 +323,11 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
         fused: &mut [I::Costs],
         unit: u32,
         lane: impl Fn(usize) -> usize,
-        exact: impl FnOnce() -> Exact<'e, L, I, V>,
+        exact: impl FnOnce() -> Exact<'e, L, I, P, V>,
     ) -> (u8, bool)
     where
         I: 'e,
+        P: 'e,
     {
         let lanes: &mut [L] = bytemuck::try_cast_slice_mut(fused).unwrap_or_default();
         for near in [index.wrapping_sub(1), index, index + 1] {
@@ -333,7 +340,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
             return exact().peak();
         }
         let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };
-        PeakRatio::judge(Some(ratio), index, self.params.num_disparities(), self.params.uniqueness_ratio())
+        PeakRatio::judge(Some(ratio), index, self.params.get().num_disparities(), self.params.get().uniqueness_ratio())
     }
 }
 

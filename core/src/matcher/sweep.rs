@@ -6,11 +6,11 @@ use core::{array, marker::PhantomData};
 
 use super::{exact::Exact, selection::Selection};
 use crate::{
-    BlockMatchingParams, Disparity, Fusion, Region,
+    BlockMatchingParams, Disparity, Fusion, Params, Region,
     availability::Availability,
     kernel::{Batch, Block, Blocks, Change, Divisor, Isa, Kernel, Lane, MAX_BATCH, Masks, Rule, Steps, Winners, Work},
     lines::{Frames, Lines},
-    params::PriorLine,
+    params::{PriorLine, prior_of},
 };
 
 /// The steps along a disparity line, at which `lines` of the centre, which may be virtual, enter and leave
@@ -51,13 +51,13 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Work for Priming<'_, L, I, V> {
 /// The result that a sweep computes from each pixel's fused costs.
 pub(super) trait Output<L: Lane, I: Blocks<L>>: Sized {
     /// Computes the line.
-    fn fill<const V: usize>(sweep: Sweep<'_, L, I, V, Self>);
+    fn fill<P: Params<BlockMatchingParams>, const V: usize>(sweep: Sweep<'_, L, I, V, P, Self>);
 }
 
 /// A sweep along a line.
-pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize, O> {
+pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize, P, O> {
     pub isa: I,
-    pub params: &'a BlockMatchingParams,
+    pub params: &'a P,
     pub region: &'a Region,
     /// The line.
     pub v: usize,
@@ -78,7 +78,7 @@ pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize, O> {
     pub out: O,
 }
 
-impl<L: Lane, I: Blocks<L>, O: Output<L, I>, const V: usize> Work for Sweep<'_, L, I, V, O> {
+impl<L: Lane, I: Blocks<L>, const V: usize, P: Params<BlockMatchingParams>, O: Output<L, I>> Work for Sweep<'_, L, I, V, P, O> {
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn run(self) {
         O::fill(self);
@@ -111,27 +111,33 @@ pub(super) struct CostLine<'a> {
 
 impl<I: Kernel> Output<u16, I> for CostLine<'_> {
     /// Pixel by pixel, on any processor: what follows takes longer.
-    #[cfg_attr(target_arch = "arm", inline(never))]
-    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
-    fn fill<const V: usize>(sweep: Sweep<'_, u16, I, V, Self>) {
+    #[cfg_attr(target_os = "none", inline(never))]
+    #[cfg_attr(not(any(target_os = "none", debug_assertions)), inline(always))]
+    fn fill<P: Params<BlockMatchingParams>, const V: usize>(sweep: Sweep<'_, u16, I, V, P, Self>) {
         let Sweep { isa, params, region, v, mut steps, blocks, masks, availability, fused, out, .. } = sweep;
         let CostLine { costs, depth, shift } = out;
-        let Some(fused) = fused.get_mut(..blocks.len()) else { return };
-        slide_to_first::<u16, I, V>(isa, params.radius(), &mut steps, blocks);
-        let rule = Rule::new(params.fusion(), V);
+        // With constant parameters it is a constant here.
+        let vectors = params.get().num_disparities().div_ceil(I::LANES).max(1);
+        let (Some(blocks), Some(masks), Some(fused)) =
+            (blocks.get_mut(..vectors), masks.get_mut(..vectors), fused.get_mut(..vectors))
+        else {
+            return;
+        };
+        slide_to_first::<u16, I, V>(isa, params.get().radius(), &mut steps, blocks);
+        let rule = Rule::new(params.get().fusion(), V);
         // Lanes do not divide by five or seven.
         if (const { V > 4 } && rule == Rule::Sum) || (const { !Rule::HAS_HALF && V > 2 } && rule == Rule::Half) {
             for (costs, u) in costs.chunks_exact_mut(depth.max(1)).zip(region.columns()) {
                 Blocks::<u16>::slide(isa, &mut steps, blocks);
-                Exact::<u16, I, V> { params, u, v, prior: None, blocks }.quotients(shift, costs);
+                Exact::<u16, I, P, V> { params, u, v, prior: None, blocks }.quotients(shift, costs);
             }
             return;
         }
-        let selection = Selection::<u16, I>::new(isa, params, rule);
+        let selection = Selection::<u16, I, P>::new(isa, params, rule);
         let mut masks = selection.masks(masks, availability, None);
         let start = region.columns().start;
         masks.enter_line(start, v);
-        let divisor = |is_complete| divisor(params.fusion(), V, is_complete, shift);
+        let divisor = |is_complete| divisor(params.get().fusion(), V, is_complete, shift);
         let (complete, incomplete) = (divisor(true), divisor(false));
         // These follow from the availability, which seldom changes.
         let seen = |masks: &Masks<'_, u16, I, V>| PixelViews {
@@ -153,7 +159,7 @@ impl<I: Kernel> Output<u16, I> for CostLine<'_> {
                     isa.divide(pixel.divisor, fused, costs);
                 }
             }
-            hide(masks.availability, pixel.is_covered, params.num_disparities(), costs);
+            hide(masks.availability, pixel.is_covered, params.get().num_disparities(), costs);
         }
     }
 }
@@ -204,13 +210,13 @@ pub(super) struct DisparityLine<'a> {
 
 impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn fill<const V: usize>(sweep: Sweep<'_, L, I, V, Self>) {
-        if const { !Rule::HAS_HALF && V > 2 } && Rule::new(sweep.params.fusion(), V) == Rule::Half {
+    fn fill<P: Params<BlockMatchingParams>, const V: usize>(sweep: Sweep<'_, L, I, V, P, Self>) {
+        if const { !Rule::HAS_HALF && V > 2 } && Rule::new(sweep.params.get().fusion(), V) == Rule::Half {
             return sweep.by_exact_costs();
         }
-        let needs_peaks = sweep.out.peaks.is_some() || sweep.params.uniqueness_ratio().is_some();
+        let needs_peaks = sweep.out.peaks.is_some() || sweep.params.get().uniqueness_ratio().is_some();
         match (const { I::BATCH == 1 }, needs_peaks) {
-            (true, false) if cfg!(target_arch = "arm") => sweep.by_pixel::<false>(needs_peaks),
+            (true, false) if cfg!(target_os = "none") => sweep.by_pixel::<false>(needs_peaks),
             (true, _) => sweep.by_pixel::<true>(needs_peaks),
             (false, _) => sweep.by_batch(),
         }
@@ -220,18 +226,23 @@ impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
 // Both drivers share steps, masks and fusion, and differ in selection. A microcontroller selects the winner
 // while the least cost is in a register, where the fusing loop left it. An out-of-order processor hides the
 // latency of selection, but only across a batch.
-impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>> {
+impl<L: Lane, I: Blocks<L>, const V: usize, P: Params<BlockMatchingParams>> Sweep<'_, L, I, V, P, DisparityLine<'_>> {
     /// Pixel by pixel, with peak ratios if `needs_peaks` and `PEAKS` are set. Small processors have few registers: for them the
     /// function without is one of its own.
     #[inline(never)]
     fn by_pixel<const PEAKS: bool>(self, needs_peaks: bool) {
         let Sweep { isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out, .. } = self;
-        let DisparityLine { disparities, peaks } = out;
+        let (DisparityLine { disparities, peaks }, prior) = (out, prior_of::<P, _>(prior));
         let mut peaks = peaks.unwrap_or_default().iter_mut();
-        // That there is a vector saves checks in the loop.
-        let Some(fused) = fused.get_mut(..blocks.len()).filter(|fused| !fused.is_empty()) else { return };
-        slide_to_first(isa, params.radius(), &mut steps, blocks);
-        let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
+        // That there is a vector saves checks in the loop. With constant parameters their number is a constant here.
+        let vectors = params.get().num_disparities().div_ceil(I::LANES).max(1);
+        let (Some(blocks), Some(masks), Some(fused)) =
+            (blocks.get_mut(..vectors), masks.get_mut(..vectors), fused.get_mut(..vectors))
+        else {
+            return;
+        };
+        slide_to_first(isa, params.get().radius(), &mut steps, blocks);
+        let selection = Selection::new(isa, params, Rule::new(params.get().fusion(), V));
         let mut masks = selection.masks(masks, availability, prior);
         let start = region.columns().start;
         masks.enter_line(start, v);
@@ -244,7 +255,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             }
             let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
             let exact = || Exact { params, u, v, prior, blocks };
-            if PEAKS && (cfg!(target_arch = "arm") || needs_peaks) {
+            if PEAKS && (cfg!(target_os = "none") || needs_peaks) {
                 let grade;
                 (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, exact);
                 if let Some(peak) = peaks.next() {
@@ -260,12 +271,12 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
     #[inline(never)]
     fn by_exact_costs(self) {
         let Sweep { isa, params, region, v, prior, mut steps, blocks, out: DisparityLine { disparities, peaks }, .. } = self;
-        let needs_peaks = peaks.is_some() || params.uniqueness_ratio().is_some();
+        let needs_peaks = peaks.is_some() || params.get().uniqueness_ratio().is_some();
         let mut peaks = peaks.unwrap_or_default().iter_mut();
-        slide_to_first::<L, I, V>(isa, params.radius(), &mut steps, blocks);
+        slide_to_first::<L, I, V>(isa, params.get().radius(), &mut steps, blocks);
         for (pixel, u) in disparities.iter_mut().zip(region.columns()) {
             Blocks::<L>::slide(isa, &mut steps, blocks);
-            let exact = Exact::<L, I, V> { params, u, v, prior, blocks };
+            let exact = Exact::<L, I, P, V> { params, u, v, prior, blocks };
             if needs_peaks {
                 let grade;
                 (*pixel, grade) = exact.disparity_and_peak();
@@ -297,8 +308,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             ..
         } = self;
         let vectors = blocks.len();
-        slide_to_first(isa, params.radius(), &mut steps, blocks);
-        let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
+        slide_to_first(isa, params.get().radius(), &mut steps, blocks);
+        let selection = Selection::new(isa, params, Rule::new(params.get().fusion(), V));
         let rule = selection.rule;
         let padding = selection.ordered_padding();
         let mut masks = selection.masks(masks, availability, prior);
@@ -332,7 +343,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             let of_pixel = |i: usize| kept.get(i * vectors..).unwrap_or_default();
             let exact = |i: usize| Exact { params, u: u + i, v, prior, blocks: of_pixel(i) };
             selection.disparities(&winners, pixels, exact);
-            if peaks.is_some() || params.uniqueness_ratio().is_some() {
+            if peaks.is_some() || params.get().uniqueness_ratio().is_some() {
                 let [_, fused @ .., _] = &mut *padded else { return };
                 let peaks = peaks.as_mut().and_then(|peaks| peaks.get_mut(u - start..u - start + pixels.len()));
                 selection.peaks(&winners, fused, &units, pixels, peaks, exact);

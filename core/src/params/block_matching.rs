@@ -7,12 +7,9 @@ use crate::{Frame, Fusion, View, Views};
 /// valid.
 ///
 /// ```
-/// use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, Views};
+/// use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, Views, valid};
 /// const SEARCH: SearchConfig = SearchConfig { num_disparities: 32, ..SearchConfig::of_size(320, 240) };
-/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(11) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
+/// const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(11));
 /// assert_eq!(PARAMS.max_disparity(), 32);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,14 +66,11 @@ impl BlockMatchingParams {
     /// pixel without a prior, or whose prior is outside the range of `earlier`, stays invalid.
     ///
     /// ```
-    /// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, SearchConfig, View, Views};
+    /// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, SearchConfig, View, Views, valid};
     /// const QVGA: SearchConfig = SearchConfig::of_size(320, 240);
     /// const SEARCH: SearchConfig =
     ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 32, ..QVGA };
-    /// const SHORT: BlockMatchingParams = match SEARCH.block_matching(11) {
-    ///     Ok(params) => params,
-    ///     Err(_) => panic!("the parameters are out of range"),
-    /// };
+    /// const SHORT: BlockMatchingParams = valid(SEARCH.block_matching(11));
     /// let views = [-4, 4].into_iter().filter_map(|i| View::new(i, 0).ok()).collect();
     /// let long =
     ///     SearchConfig { views, min_disparity: -4, num_disparities: 8, ..SEARCH }.block_matching(11)?.around(SHORT.search());
@@ -204,6 +198,11 @@ impl BlockMatchingParams {
     /// The largest sum of absolute differences over a block.
     pub const fn max_block_sum(&self) -> u32 {
         255 * self.block_area()
+    }
+
+    /// The bytes in which sums over a block are kept.
+    pub(crate) const fn lane_bytes(&self) -> usize {
+        if self.max_block_sum() < u16::MAX as u32 { size_of::<u16>() } else { size_of::<u32>() }
     }
 
     /// The number of lines of `frame` past its own that a disparity line needs; negative if the frame lags behind.

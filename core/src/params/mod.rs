@@ -7,8 +7,10 @@
 //! | --- | --- |
 //! | `block_matching` | [`BlockMatchingParams`]: a search by block matching |
 //! | `semi_global` | [`SemiGlobalParams`], [`Census`]: a search by semi-global matching |
+//! | `constants` | [`Params`]: values, or constants that a matcher is compiled for |
 
 mod block_matching;
+mod constants;
 mod semi_global;
 
 use core::{error, fmt, ops::Range};
@@ -16,19 +18,18 @@ use core::{error, fmt, ops::Range};
 use crate::{Disparity, Fusion, View, Views};
 
 pub use block_matching::BlockMatchingParams;
+pub(crate) use constants::{CostBlocks, prior_of};
+pub use constants::{Params, valid};
 pub use semi_global::{Census, PathPenalties, SemiGlobalCost, SemiGlobalParams};
 
 /// The fields of a [`SearchSpace`] by their names: what is searched in frames of a size. Values out of range are refused by
 /// [`checked`](SearchConfig::checked), or by the parameters of a method that are made of it.
 ///
 /// ```
-/// use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, Views};
+/// use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, Views, valid};
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
+/// const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(7));
 /// assert_eq!((PARAMS.min_disparity(), PARAMS.max_disparity(), PARAMS.block_size()), (1, 16, 7));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

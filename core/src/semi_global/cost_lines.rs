@@ -1,12 +1,13 @@
 //! The matching costs of a line, by either cost function.
 
 use crate::{
-    BlockMatchingParams, Census, Frame, MatchError, Matcher, MemoryTooSmall, Region, ScanlineSource, SearchSpace, SemiGlobalCost,
-    SemiGlobalParams, View, Views,
+    BlockMatchingParams, Census, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, ScanlineSource, SearchSpace,
+    SemiGlobalCost, SemiGlobalParams, View, Views,
     availability::Availability,
     kernel::{Candidates, DistanceFusion, Isa, Kernel, Work, as_vectors_mut},
     lines::{Lines, replicate},
     memory::{Lender, Shape},
+    params::CostBlocks,
 };
 
 /// A ring of lines, extended to both sides by replication.
@@ -307,29 +308,36 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
 /// The state that matching costs are computed from.
 #[allow(clippy::large_enum_variant, reason = "there is no heap to put the larger one on, and a match has one of these")]
 #[derive(Debug)]
-pub(super) enum CostLines<'m, I> {
+pub(super) enum CostLines<'m, I, P> {
     /// Sums of absolute differences.
-    Sad(Matcher<'m, I>),
+    Sad(Matcher<'m, I, CostBlocks<P>>),
     /// Hamming distances.
     Census(CensusLines<'m, I>),
 }
 
-impl<'m, I: Isa> CostLines<'m, I> {
+impl<'m, I: Isa, P: Params<SemiGlobalParams>> CostLines<'m, I, P> {
+    /// False if the parameters are constants with the other cost, whose code is then not compiled.
+    const MAY_BE_SAD: bool = match P::KNOWN {
+        Some(params) => matches!(params.cost(), SemiGlobalCost::Sad { .. }),
+        None => true,
+    };
+    const MAY_BE_CENSUS: bool = P::KNOWN.is_none() || !Self::MAY_BE_SAD;
+
     /// No lines yet.
     // Inlined, so that the state is made where it stays: it is large for a microcontroller's stack.
-    #[cfg_attr(target_arch = "arm", inline(always))]
-    pub fn new(isa: I, params: &SemiGlobalParams, lender: &mut Lender<'m>) -> Result<CostLines<'m, I>, MemoryTooSmall> {
-        let blocks = params.block_matching();
-        Ok(match params.cost() {
-            SemiGlobalCost::Sad { .. } => {
-                CostLines::Sad(Matcher::in_lent_memory(isa, &blocks, &Region::whole(params.search()), lender)?)
+    #[cfg_attr(target_os = "none", inline(always))]
+    pub fn new(isa: I, params: &P, lender: &mut Lender<'m>) -> Result<CostLines<'m, I, P>, MemoryTooSmall> {
+        let blocks = CostBlocks::new(params);
+        Ok(match params.get().cost() {
+            SemiGlobalCost::Census(census) if const { Self::MAY_BE_CENSUS } => {
+                CostLines::Census(CensusLines::new(isa, blocks.get(), census, lender)?)
             }
-            SemiGlobalCost::Census(census) => CostLines::Census(CensusLines::new(isa, &blocks, census, lender)?),
+            _ => CostLines::Sad(Matcher::in_lent_memory(isa, blocks, &Region::whole(params.get().search()), lender)?),
         })
     }
 
     /// Computes the costs of line `v`, the next one, `depth` for each pixel.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn next<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -342,13 +350,16 @@ impl<'m, I: Isa> CostLines<'m, I> {
         I: Kernel,
     {
         match self {
-            CostLines::Sad(matcher) => matcher.next_costs(source, params.cost().shift(), costs, depth),
-            CostLines::Census(census) => census.next_costs(source, v, costs, depth),
+            CostLines::Sad(matcher) if const { Self::MAY_BE_SAD } => {
+                matcher.next_costs(source, params.cost().shift(), costs, depth)
+            }
+            CostLines::Census(census) if const { Self::MAY_BE_CENSUS } => census.next_costs(source, v, costs, depth),
+            _ => Ok(()),
         }
     }
 
     /// The samples of the centre in line `v`, whose costs were computed last.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn center(&self, v: usize) -> &[u8] {
         match self {
             CostLines::Sad(matcher) => matcher.center(v),

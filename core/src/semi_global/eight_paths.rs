@@ -50,15 +50,12 @@ const PATHS: u16 = 8;
 /// ```
 /// use multiscopic_core::kernel::{DistanceFusion, Portable};
 /// use multiscopic_core::network::{CensusPair, CensusPairLines};
-/// use multiscopic_core::{Census, EightPaths, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
+/// use multiscopic_core::{Census, EightPaths, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views, valid};
 ///
 /// const PAIR: CensusPair = CensusPair::BothWays;
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
-/// const PARAMS: SemiGlobalParams = match SEARCH.semi_global(SemiGlobalCost::Census(Census::Window9x7)) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
+/// const PARAMS: SemiGlobalParams = valid(SEARCH.semi_global(SemiGlobalCost::Census(Census::Window9x7)));
 /// // A texture, seen three pixels further to the left.
 /// let pixel = |u: usize, v: usize| (u * (u + 3 * v) % 61) as u8;
 /// let frame = |shift: usize| -> [u8; 1200] { std::array::from_fn(|i| pixel(i % 40 + shift, i / 40)) };
@@ -80,6 +77,7 @@ pub struct EightPaths<'m, 'f, I> {
     params: SemiGlobalParams,
     /// The centre, line by line.
     center: &'f [u8],
+    shape: PathShape,
     /// The paths of the second pass, with the costs and the excess of the line at hand, in either pass.
     paths_from_above: PathLines<'m>,
     /// The paths from the bottom left, the bottom and the bottom right.
@@ -188,6 +186,7 @@ impl<'m, 'f, I: Isa> EightPaths<'m, 'f, I> {
             params: *params,
             center,
             paths_from_below: [slots(1)?, slots(0)?, slots(-1)?],
+            shape,
             paths_from_above,
             kept_costs: lender.bytes(bands.kept_bytes())?,
             band: bands.lines,
@@ -200,14 +199,14 @@ impl<'m, 'f, I: Isa> EightPaths<'m, 'f, I> {
 
     /// The samples of the centre in line `v`.
     fn center(&self, v: usize) -> &'f [u8] {
-        let width = self.paths_from_above.shape.width;
+        let width = self.shape.width;
         self.center.get(v * width..(v + 1) * width).unwrap_or_default()
     }
 
     /// The place where the path costs of line `v` are kept, if it is the first one of a band from the third on.
     fn kept_costs_at(&self, v: usize) -> Option<Range<usize>> {
         let first = v.checked_sub(2 * self.band).filter(|lines| lines.is_multiple_of(self.band))?;
-        let bytes = 3 * self.paths_from_above.shape.line_bytes();
+        let bytes = 3 * self.shape.line_bytes();
         let start = first.checked_div(self.band)? * bytes;
         Some(start..start + bytes)
     }
@@ -231,7 +230,7 @@ impl<I: Kernel> EightPaths<'_, '_, I> {
         }
         costs(v, self.paths_from_above.costs);
         self.paths_from_above.enter_line(self.center(v));
-        let bytes = self.paths_from_above.shape.line_bytes();
+        let bytes = self.shape.line_bytes();
         let excess = self.excess.get(v.checked_rem(self.band)? * bytes..)?.get(..bytes)?;
         self.isa.compiled(ExtendAndSelect {
             isa: self.isa,
@@ -248,7 +247,7 @@ impl<I: Kernel> EightPaths<'_, '_, I> {
     /// Extends the paths from below through the lines above `bottom` up to `top`, the first line of a band. Keeps what they add
     /// to the costs of this band, and the path costs of the first line of the bands below it.
     fn ascend(&mut self, costs: &mut impl FnMut(usize, &mut [u8]), top: usize, bottom: usize) {
-        let (shape, height) = (self.paths_from_above.shape, self.params.search().height());
+        let (shape, height) = (self.shape, self.params.search().height());
         let line = shape.line_bytes();
         match self.kept_costs_at(bottom).and_then(|kept| self.kept_costs.get(kept)) {
             Some(kept) if bottom < height => {
@@ -333,8 +332,9 @@ impl<I: Kernel> Work for ExtendAndSelect<'_, '_, I> {
     fn run(self) {
         let ExtendAndSelect { isa, params, paths, excess: from_below, sums, disparities } = self;
         PathSweep { isa, params, paths, disparities: &mut [], peaks: None }.forward();
-        let (depth, min_disparity) = (paths.shape.depth, params.search().min_disparity());
-        paths.extend_backward(isa, params.penalties().p1(), |PixelPaths { column, costs, excess, .. }| {
+        let PathShape { depth, .. } = PathShape::new::<I>(params);
+        let min_disparity = params.search().min_disparity();
+        paths.extend_backward(isa, params, |PixelPaths { column, costs, excess, .. }| {
             let candidates = column * depth..(column + 1) * depth;
             let (Some(sums), Some(from_below)) = (sums.get_mut(candidates.clone()), from_below.get(candidates)) else { return };
             for (((sum, &cost), &excess), &from_below) in sums.iter_mut().zip(costs).zip(excess).zip(from_below) {

@@ -12,8 +12,8 @@ mod eight_paths;
 mod path_lines;
 
 use crate::{
-    BlockMatchingParams, Disparity, MatchError, Memory, MemoryTooSmall, ScanlineSource, SemiGlobalParams,
-    kernel::{Isa, Kernel, Portable},
+    Disparity, MatchError, Memory, MemoryTooSmall, Params, ScanlineSource, SemiGlobalParams,
+    kernel::{Isa, Kernel, Native},
     memory::{Lender, PathShape},
 };
 use cost_lines::CostLines;
@@ -32,7 +32,7 @@ use path_lines::{PathLines, PathSweep};
 ///
 /// ```
 /// use multiscopic_core::{Census, Frame, Fusion, ScanlineSource, SearchConfig, SemiGlobalCost};
-/// use multiscopic_core::{SemiGlobalMatcher, SemiGlobalParams, Views};
+/// use multiscopic_core::{SemiGlobalMatcher, SemiGlobalParams, Views, params};
 ///
 /// /// A texture, seen three pixels further to each side.
 /// struct Texture;
@@ -54,23 +54,23 @@ use path_lines::{PathLines, PathSweep};
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
-/// const PARAMS: SemiGlobalParams = match SEARCH.semi_global(SemiGlobalCost::Census(Census::Window5x5)) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
-/// let mut memory = [0; PARAMS.memory_words()];
-/// let mut matcher = SemiGlobalMatcher::new(&PARAMS, &mut memory)?;
+/// params!(Narrow: SemiGlobalParams = SEARCH.semi_global(SemiGlobalCost::Census(Census::Window5x5)));
+///
+/// let mut memory = [0; Narrow::PARAMS.memory_words()];
+/// let mut matcher = SemiGlobalMatcher::new(&Narrow, &mut memory)?;
 /// let mut line = [None; 40];
 /// while let Some(_v) = matcher.next_line(&mut Texture, &mut line)? {
 ///     assert_eq!(line[20].map(|d| f32::from(d).round()), Some(3.0));
 /// }
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
+///
+/// Its parameters, `P`, are values, or [constants](Params) that it is compiled for.
 #[derive(Debug)]
-pub struct SemiGlobalMatcher<'m, I = Portable<{ BlockMatchingParams::LANES }>> {
+pub struct SemiGlobalMatcher<'m, I = Native, P = SemiGlobalParams> {
     isa: I,
-    params: SemiGlobalParams,
-    costs: CostLines<'m, I>,
+    params: P,
+    costs: CostLines<'m, I, P>,
     paths: PathLines<'m>,
     /// The next disparity line.
     next: usize,
@@ -79,23 +79,23 @@ pub struct SemiGlobalMatcher<'m, I = Portable<{ BlockMatchingParams::LANES }>> {
 impl SemiGlobalParams {
     /// The words of memory that [`SemiGlobalMatcher::new`] needs: see [`Memory`].
     pub const fn memory_words(&self) -> usize {
-        Memory::semi_global::<Portable<{ BlockMatchingParams::LANES }>>(self).words()
+        Memory::semi_global::<Native>(self).words()
     }
 }
 
-impl<'m> SemiGlobalMatcher<'m> {
-    /// A pass with portable instructions.
+impl<'m, P: Params<SemiGlobalParams>> SemiGlobalMatcher<'m, Native, P> {
+    /// A pass with the [kernel](Native) that the target is compiled for.
     ///
     /// `memory` has at least [`SemiGlobalParams::memory_words`] words, with any content.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    pub fn new(params: &SemiGlobalParams, memory: &'m mut [u32]) -> Result<SemiGlobalMatcher<'m>, MemoryTooSmall> {
-        SemiGlobalMatcher::with_isa(Portable, params, memory)
+    pub fn new(params: &P, memory: &'m mut [u32]) -> Result<SemiGlobalMatcher<'m, Native, P>, MemoryTooSmall> {
+        SemiGlobalMatcher::with_isa(Native::default(), params, memory)
     }
 }
 
-impl<'m, I: Isa> SemiGlobalMatcher<'m, I> {
+impl<'m, I: Isa, P: Params<SemiGlobalParams>> SemiGlobalMatcher<'m, I, P> {
     /// A pass with an instruction set.
     ///
     /// `memory` has at least the [`words`](Memory::words) that [`Memory::semi_global`] states, with any
@@ -103,26 +103,22 @@ impl<'m, I: Isa> SemiGlobalMatcher<'m, I> {
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    #[cfg_attr(target_arch = "arm", inline(always))]
-    pub fn with_isa(
-        isa: I,
-        params: &SemiGlobalParams,
-        memory: &'m mut [u32],
-    ) -> Result<SemiGlobalMatcher<'m, I>, MemoryTooSmall> {
-        let shape = PathShape::new::<I>(params);
-        let mut lender = Lender::new::<I>(memory, Memory::semi_global::<I>(params).words())?;
+    #[cfg_attr(target_os = "none", inline(always))]
+    pub fn with_isa(isa: I, params: &P, memory: &'m mut [u32]) -> Result<SemiGlobalMatcher<'m, I, P>, MemoryTooSmall> {
+        let shape = PathShape::new::<I>(params.get());
+        let mut lender = Lender::new::<I>(memory, Memory::semi_global::<I>(params.get()).words())?;
         let costs = CostLines::new(isa, params, &mut lender)?;
-        let paths = PathLines::new(params, shape, |bytes| lender.bytes(bytes))?;
+        let paths = PathLines::new(params.get(), shape, |bytes| lender.bytes(bytes))?;
         Ok(SemiGlobalMatcher { isa, params: *params, costs, paths, next: 0 })
     }
 
     /// The parameters of the match.
     pub fn params(&self) -> &SemiGlobalParams {
-        &self.params
+        self.params.get()
     }
 }
 
-impl<I: Kernel> SemiGlobalMatcher<'_, I> {
+impl<I: Kernel, P: Params<SemiGlobalParams>> SemiGlobalMatcher<'_, I, P> {
     /// Computes the next disparity line into `out`, a pixel for each column of the frame, and returns the
     /// line's index, or `None` after the last.
     ///
@@ -130,7 +126,7 @@ impl<I: Kernel> SemiGlobalMatcher<'_, I> {
     /// [`MatchError`]: the source failed, or `out` has the wrong length. No line is lost, and the call can be
     /// repeated.
     // Inlined in firmware, which has a single matcher, so that the compiler knows its parameters.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn next_line<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -147,35 +143,36 @@ impl<I: Kernel> SemiGlobalMatcher<'_, I> {
     ///
     /// # Errors
     /// As [`next_line`](SemiGlobalMatcher::next_line), also if `peaks` has the wrong length.
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     pub fn next_line_and_peaks<S: ScanlineSource>(
         &mut self,
         source: &mut S,
         out: &mut [Option<Disparity>],
         peaks: &mut [u8],
     ) -> Result<Option<usize>, MatchError<S::Error>> {
-        let (needed, given) = (self.params.search().width(), peaks.len());
+        let (needed, given) = (self.params.get().search().width(), peaks.len());
         if given != needed {
             return Err(MatchError::OutputLength { needed, given });
         }
         self.next_into(source, out, Some(peaks))
     }
 
-    #[cfg_attr(target_arch = "arm", inline(always))]
+    #[cfg_attr(target_os = "none", inline(always))]
     fn next_into<S: ScanlineSource>(
         &mut self,
         source: &mut S,
         disparities: &mut [Option<Disparity>],
         peaks: Option<&mut [u8]>,
     ) -> Result<Option<usize>, MatchError<S::Error>> {
-        let (v, search) = (self.next, self.params.search());
+        let (v, search) = (self.next, self.params.get().search());
         if disparities.len() != search.width() {
             return Err(MatchError::OutputLength { needed: search.width(), given: disparities.len() });
         }
         if v >= search.height() {
             return Ok(None);
         }
-        self.costs.next(source, &self.params, v, self.paths.costs, self.paths.shape.depth)?;
+        let PathShape { depth, .. } = PathShape::new::<I>(self.params.get());
+        self.costs.next(source, self.params.get(), v, self.paths.costs, depth)?;
         self.paths.enter_line(self.costs.center(v));
         self.isa.compiled(PathSweep { isa: self.isa, params: &self.params, paths: &mut self.paths, disparities, peaks });
         self.next += 1;

@@ -3,7 +3,7 @@
 //! A line is swept forward to its end, and back with the selection.
 
 use crate::{
-    Disparity, SemiGlobalParams,
+    Disparity, Params, SemiGlobalParams,
     confidence::PeakRatio,
     disparity::Around,
     kernel::{BackwardRun, ForwardRun, Kernel, MAX_BATCH, PixelPaths, RunPenalties, Slot, Work, as_vectors},
@@ -195,7 +195,6 @@ fn around(values: &[u8], index: usize) -> Option<&[u8; 3]> {
 /// The paths of the lines so far, the costs of a line, and what the paths add to them.
 #[derive(Debug)]
 pub(super) struct PathLines<'m> {
-    pub shape: PathShape,
     /// The matching costs of the line, pixel by pixel; 255 where a candidate does not exist, and past the
     /// last disparity.
     pub costs: &'m mut [u8],
@@ -235,7 +234,7 @@ impl<'m> PathLines<'m> {
         for (p2, change) in p2.iter_mut().zip(0..=u8::MAX) {
             *p2 = params.penalties().p2(change);
         }
-        Ok(PathLines { shape, costs, excess, from_above, along, start, samples, p2 })
+        Ok(PathLines { costs, excess, from_above, along, start, samples, p2 })
     }
 
     /// Goes to the next line, of these samples.
@@ -248,18 +247,20 @@ impl<'m> PathLines<'m> {
 
     /// Extends the path from the right through the line, and hands over each pixel, in any order.
     #[inline(always)]
-    pub fn extend_backward<I: Kernel>(&mut self, isa: I, p1: u8, reach: impl FnMut(PixelPaths<'_>)) {
-        let PathLines { shape, costs, excess, along, start, samples: [here, above], p2, .. } = self;
+    pub fn extend_backward<I: Kernel>(&mut self, isa: I, params: &SemiGlobalParams, reach: impl FnMut(PixelPaths<'_>)) {
+        let PathLines { costs, excess, along, start, samples: [here, above], p2, .. } = self;
         Slot::copy(along[0], start);
-        let penalties = RunPenalties { p1, p2, here, above };
-        isa.extend_backward(PATHS, BackwardRun { depth: shape.depth, costs, excess, along, penalties }, reach);
+        let penalties = RunPenalties { p1: params.penalties().p1(), p2, here, above };
+        // As in `self`, but a constant here if the parameters are.
+        let PathShape { depth, .. } = PathShape::new::<I>(params);
+        isa.extend_backward(PATHS, BackwardRun { depth, costs, excess, along, penalties }, reach);
     }
 }
 
 /// Extends all paths by a line, and selects its disparities.
-pub(super) struct PathSweep<'a, 'm, I> {
+pub(super) struct PathSweep<'a, 'm, I, P> {
     pub isa: I,
-    pub params: &'a SemiGlobalParams,
+    pub params: &'a P,
     pub paths: &'a mut PathLines<'m>,
     /// The disparities of the line.
     pub disparities: &'a mut [Option<Disparity>],
@@ -267,24 +268,26 @@ pub(super) struct PathSweep<'a, 'm, I> {
     pub peaks: Option<&'a mut [u8]>,
 }
 
-impl<I: Kernel> Work for PathSweep<'_, '_, I> {
+impl<I: Kernel, P: Params<SemiGlobalParams>> Work for PathSweep<'_, '_, I, P> {
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn run(mut self) {
         self.forward();
-        match self.peaks.is_some() || self.params.uniqueness_ratio().is_some() {
+        match self.peaks.is_some() || self.params.get().uniqueness_ratio().is_some() {
             true => self.backward::<true>(),
             false => self.backward::<false>(),
         }
     }
 }
 
-impl<I: Kernel> PathSweep<'_, '_, I> {
+impl<I: Kernel, P: Params<SemiGlobalParams>> PathSweep<'_, '_, I, P> {
     /// The paths from the left and from above.
-    #[cfg_attr(target_arch = "arm", inline(never))]
-    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    #[cfg_attr(target_os = "none", inline(never))]
+    #[cfg_attr(not(any(target_os = "none", debug_assertions)), inline(always))]
     pub fn forward(&mut self) {
-        let PathLines { shape, costs, excess, from_above, along, start, samples: [here, above], p2 } = &mut *self.paths;
-        let (PathShape { width, depth }, p1) = (*shape, self.params.penalties().p1());
+        let PathLines { costs, excess, from_above, along, start, samples: [here, above], p2, .. } = &mut *self.paths;
+        // As in `paths`, but a constant here if the parameters are.
+        let PathShape { width, depth } = PathShape::new::<I>(self.params.get());
+        let p1 = self.params.get().penalties().p1();
         Slot::copy(along[0], start);
         let mut start = 0;
         while start < width {
@@ -304,12 +307,12 @@ impl<I: Kernel> PathSweep<'_, '_, I> {
     }
 
     /// The path from the right, and the selection, with peak ratios if `PEAKS` is set.
-    #[cfg_attr(target_arch = "arm", inline(never))]
-    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    #[cfg_attr(target_os = "none", inline(never))]
+    #[cfg_attr(not(any(target_os = "none", debug_assertions)), inline(always))]
     fn backward<const PEAKS: bool>(&mut self) {
-        let (search, uniqueness_ratio) = (self.params.search(), self.params.uniqueness_ratio());
+        let (search, uniqueness_ratio) = (self.params.get().search(), self.params.get().uniqueness_ratio());
         let (disparities, peaks) = (&mut *self.disparities, self.peaks.as_deref_mut().unwrap_or_default());
-        self.paths.extend_backward(self.isa, self.params.penalties().p1(), |reached| {
+        self.paths.extend_backward(self.isa, self.params.get(), |reached| {
             let mut is_unique = true;
             if PEAKS {
                 let grade;

@@ -9,6 +9,7 @@ use embedded_hal_mock::eh1::{
 use multiscopic_core::{
     BlockMatchingParams, Frame, Fusion, MatchError, Matcher, ScanlineSource, SearchConfig, View, Views,
     capture::{Camera, Plan},
+    valid,
 };
 use multiscopic_drivers::hm01b0::{
     Arrival, ClockDivider, Configuration, FrameMemory, Gain, Hm01b0, Hm01b0Error, LineQueue, LineSender, NoRoom, PixelBus, Size,
@@ -16,10 +17,7 @@ use multiscopic_drivers::hm01b0::{
 
 const SEARCH: SearchConfig =
     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
-    Ok(params) => params,
-    Err(_) => panic!("the parameters are out of range"),
-};
+const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(7));
 const LEFT: Frame = Frame::View(View::LEFT);
 const RIGHT: Frame = Frame::View(View::RIGHT);
 const NO_RESPONSE: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);

@@ -12,29 +12,26 @@
 mod image {
     use core::{ffi::CStr, fmt::Display, hint, time::Duration};
     use embedded_io::Write;
-    use multiscopic_core::{BlockMatchingParams, Fusion, SearchSpace};
+    use multiscopic_core::{Fusion, SearchSpace};
     use multiscopic_edge::{Board, Matching, Phase, Streams, Workspace, profile::QQVGA, workspace};
-    use multiscopic_firmware::{BoardKernel, HostFile, Semihosted};
+    use multiscopic_firmware::{HostFile, Semihosted};
     use semihosting::{experimental::env, process};
     use static_cell::ConstStaticCell;
 
     use crate::watchdog;
 
-    const PARAMS: BlockMatchingParams = match QQVGA.matching(Fusion::Min) {
-        Matching::Blocks { params, .. } => params,
-        _ => panic!("the profile matches blocks"),
-    };
+    const PARAMS: Matching = QQVGA.matching(Fusion::Min);
     /// The files for the packets of each frame.
     const PACKETS: [&CStr; 3] = [c"packets.0.bin", c"packets.1.bin", c"packets.2.bin"];
 
     /// The exit code if a frame was lost.
     const LOST: i32 = 2;
 
-    type Memory = workspace!(BoardKernel, QQVGA);
+    type Memory = workspace!(QQVGA);
 
     static WORKSPACE: ConstStaticCell<Memory> = ConstStaticCell::new(Workspace::new());
     /// The parameters and their copy.
-    static PARAMETERS: ConstStaticCell<[BlockMatchingParams; 2]> = ConstStaticCell::new([PARAMS; 2]);
+    static PARAMETERS: ConstStaticCell<[Matching; 2]> = ConstStaticCell::new([PARAMS; 2]);
 
     /// A board with a watchdog.
     struct Watched;
@@ -84,11 +81,11 @@ mod image {
 
     /// Matches the frames of the board and sends the packets. Returns true if all were sent, and logs the error otherwise.
     #[inline(never)]
-    fn match_frame(workspace: &mut Memory, params: &BlockMatchingParams, packets: &CStr) -> bool {
-        let Some(mut frames) = logged(Watched.frames(params.search())) else { return false };
+    fn match_frame(workspace: &mut Memory, params: &Matching, packets: &CStr) -> bool {
+        let Some(frames) = logged(Watched.frames(params.search())) else { return false };
         let Some(mut output) = logged(HostFile::create(packets)) else { return false };
-        let (kernel, pipeline) = (BoardKernel::default(), workspace.pipeline());
-        let run = pipeline.match_blocks::<Watched, _>(kernel, params, params.width(), &mut frames, &mut output);
+        // Values in memory: constants could not change there.
+        let run = workspace.pipeline().run_lines::<Watched, _>(params, &mut [frames], &mut output);
         let Some(mut sender) = logged(run) else { return false };
         let Some(end) = logged(sender.end(None)) else { return false };
         logged(output.write_all(end)).is_some()

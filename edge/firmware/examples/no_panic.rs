@@ -1,16 +1,10 @@
 //! The matchers alone, of rectified lines as well, with a panic handler that does not link: proof that none can panic.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
-// By path: the library would bring its own panic handler.
-#[cfg(target_os = "none")]
-#[path = "../src/board_kernel.rs"]
-mod board_kernel;
-
 #[cfg(target_os = "none")]
 mod image {
     #![expect(unsafe_code, reason = "the missing function is foreign")]
 
-    use super::board_kernel::BoardKernel;
     use core::{convert::Infallible, hint::black_box, panic::PanicInfo};
     use cortex_m as _; // Provides the critical section.
     #[cfg(not(all(feature = "array", feature = "an547")))]
@@ -18,6 +12,7 @@ mod image {
     use multiscopic_core::{
         BlockMatchingParams, Census, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Rectification, Rectified,
         Region, Rewind, ScanlineSource, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
+        kernel::Native,
     };
     use static_cell::ConstStaticCell;
 
@@ -64,7 +59,7 @@ mod image {
         let matches = black_box([params, params.around(params.search())]);
         let tiles = |params: BlockMatchingParams| Region::tiles(params.search(), black_box(20)).map(move |tile| (params, tile));
         for (params, tile) in matches.into_iter().flat_map(tiles) {
-            let mut matcher = Matcher::with_isa(BoardKernel::default(), &params, &tile, &mut memory[..]).ok()?;
+            let mut matcher = Matcher::with_isa(Native::default(), &params, &tile, &mut memory[..]).ok()?;
             let line = line.get_mut(..tile.width())?;
             while matcher.next_line(&mut Opaque, line).ok()?.is_some() {
                 black_box(&mut *line);
@@ -78,7 +73,7 @@ mod image {
         let mut rectified = Rectified::new(Opaque, &rectification, params.views(), lent).ok()?;
         for (params, tile) in tiles(params) {
             rectified.rewind().ok()?;
-            let mut matcher = Matcher::with_isa(BoardKernel::default(), &params, &tile, &mut memory[..]).ok()?;
+            let mut matcher = Matcher::with_isa(Native::default(), &params, &tile, &mut memory[..]).ok()?;
             let line = line.get_mut(..tile.width())?;
             while matcher.next_line(&mut rectified, line).ok()?.is_some() {
                 black_box(&mut *line);
@@ -86,7 +81,7 @@ mod image {
         }
         for cost in black_box([SemiGlobalCost::Sad { block_size: 5 }, SemiGlobalCost::Census(Census::Window9x7)]) {
             let params = SemiGlobalParams::new(*params.search(), cost).ok()?;
-            let mut matcher = SemiGlobalMatcher::with_isa(BoardKernel::default(), &params, &mut memory[..]).ok()?;
+            let mut matcher = SemiGlobalMatcher::with_isa(Native::default(), &params, &mut memory[..]).ok()?;
             let line = line.get_mut(..params.search().width())?;
             while matcher.next_line(&mut Opaque, line).ok()?.is_some() {
                 black_box(&mut *line);
@@ -100,7 +95,7 @@ mod image {
     fn network(params: &BlockMatchingParams, memory: &mut [u32]) -> Option<()> {
         let params = NetworkParams::new(params.search().with_views(black_box(Views::HORIZONTAL)).ok()?).ok()?;
         let weights = black_box(&[0_u8; 8][..]);
-        let mut matcher = NetworkMatcher::new(BoardKernel::default(), &params, weights, memory).ok()?;
+        let mut matcher = NetworkMatcher::new(Native::default(), &params, weights, memory).ok()?;
         matcher.read_frames(&mut Opaque).ok()?;
         let mut steps = 0;
         matcher.run(|| steps += black_box(1)).ok()?;

@@ -14,9 +14,8 @@ mod twin;
 mod image {
     use multiscopic_core::{
         Census, Disparity, Fusion, PathPenalties, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
-        kernel::Kernel,
+        kernel::{Kernel, Native},
     };
-    use multiscopic_firmware::BoardKernel;
     use semihosting::{eprintln, process};
     use static_cell::ConstStaticCell;
 
@@ -81,7 +80,7 @@ mod image {
         memory: &mut [u32],
         [found, expected]: &mut [Image; 2],
     ) -> Result<(), Difference> {
-        if !compute(BoardKernel::default(), params, pattern, memory, found)
+        if !compute(Native::default(), params, pattern, memory, found)
             || !compute(Twin::default(), params, pattern, memory, expected)
         {
             eprintln!("kernels: {params:?} needs more memory");

@@ -13,16 +13,16 @@ mod image {
     use embedded_io::Write;
     use multiscopic_core::{
         Displacement, DisplacementGrid, Frame, Fusion, Rectification, Rectified, RectifiedError, Rewind, ScanlineSource,
-        SearchSpace, View, Views,
+        SearchSpace, View, Views, params,
     };
     use multiscopic_edge::{Board, Matching, Phase, Workspace, profile::QQVGA, workspace};
-    use multiscopic_firmware::{BoardKernel, HostError, HostFile, Semihosted, fail};
+    use multiscopic_firmware::{HostError, HostFile, Semihosted, fail};
     use semihosting::{experimental::env, process};
     use static_cell::ConstStaticCell;
 
-    const MATCHING: Matching = QQVGA.matching(Fusion::Min);
-    const WIDTH: usize = MATCHING.search().width();
-    const HEIGHT: usize = MATCHING.search().height();
+    params!(Match: Matching = Ok(QQVGA.matching(Fusion::Min)));
+    const WIDTH: usize = Match::PARAMS.search().width();
+    const HEIGHT: usize = Match::PARAMS.search().height();
 
     /// A file of the set.
     macro_rules! flash {
@@ -50,7 +50,7 @@ mod image {
     /// The words of the lines that rectified lines are interpolated from.
     const LINE_WORDS: usize = RECTIFICATION.memory(Views::HORIZONTAL).words();
 
-    static WORKSPACE: ConstStaticCell<workspace!(BoardKernel, QQVGA)> = ConstStaticCell::new(Workspace::new());
+    static WORKSPACE: ConstStaticCell<workspace!(QQVGA)> = ConstStaticCell::new(Workspace::new());
     static LINES: ConstStaticCell<[u32; LINE_WORDS]> = ConstStaticCell::new([0; LINE_WORDS]);
 
     const fn nodes(bytes: &[u8; size_of::<Nodes>()]) -> Nodes {
@@ -149,12 +149,10 @@ mod image {
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
-        let Matching::Blocks { params, tile_width } = MATCHING else { fail("the profile matches blocks") };
         let mut board = FlashBoard { lines: (!is_plain()).then(|| LINES.take()) };
         let mut output = board.output().unwrap_or_else(|error| fail(error));
-        let mut frames = board.frames(params.search()).unwrap_or_else(|error| fail(error));
-        let pipeline = WORKSPACE.take().pipeline();
-        let run = pipeline.match_blocks::<FlashBoard, _>(BoardKernel::default(), &params, tile_width, &mut frames, &mut output);
+        let frames = board.frames(Match::PARAMS.search()).unwrap_or_else(|error| fail(error));
+        let run = WORKSPACE.take().pipeline().run::<FlashBoard, _>(&Match, &mut [frames], &mut output);
         let mut sender = run.unwrap_or_else(|error| fail(error));
         let stack = multiscopic_firmware::stack_depth();
         let end = sender.end(Some(stack)).unwrap_or_else(|error| fail(error));

@@ -6,10 +6,9 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `board_kernel` | the matcher's kernel for the processor of the board |
 //! | `runtime` | the entry, the critical section and the stack of the processor, and the end after an error, a panic or a fault |
 //! | `semihosted` | the board that a debugger or an emulator lends: files, a clock, marks where phases begin |
-//! | `entry_points` | the main functions of the binaries, and their command line |
+//! | `entry_points` | the main function of the binaries |
 //!
 //! # Features
 //! `stm32f405`, `stm32h743`, `rp2350`, `rp2350-riscv`, `an547`: the board that the firmware is linked for, at most one.
@@ -17,11 +16,14 @@
 //!
 //! `array`: for the profile `qqvga-3x3`, which matches more than four views together.
 //!
+//! The environment variable `MULTISCOPIC_FUSION` says by which rule the profiles fuse costs: `min`, which they do without it,
+//! `mean`, `heuristic` or `half`.
+//!
 //! `flash-set`: for the example `qqvga-rectified`, which has its frames in flash.
+//!
+//! `calibrations`: for the example `calibrate`, whose matches are in a file.
 #![no_std]
 
-#[cfg(target_os = "none")]
-mod board_kernel;
 #[cfg(target_os = "none")]
 mod entry_points;
 #[cfg(target_os = "none")]
@@ -30,12 +32,7 @@ mod runtime;
 mod semihosted;
 
 #[cfg(target_os = "none")]
-pub use board_kernel::BoardKernel;
-#[cfg(target_os = "none")]
-pub use entry_points::{
-    calibrate, match_around_prior, match_blocks, match_blocks_with_confidences, match_by_network, match_semi_globally,
-    match_semi_globally_with_confidences,
-};
+pub use entry_points::{FUSION, run};
 #[cfg(target_os = "none")]
 pub use runtime::{entry, fail, stack_depth};
 #[cfg(target_os = "none")]
@@ -47,34 +44,16 @@ macro_rules! firmware {
     ($profile:path) => {
         #[cfg(target_os = "none")]
         mod image {
-            use multiscopic_core::Fusion;
-            use multiscopic_edge::{Matching, Profile, WholeLines, Workspace, workspace};
-            use multiscopic_firmware::BoardKernel;
+            use multiscopic_edge::{Matching, Workspace, workspace};
             use static_cell::ConstStaticCell;
 
-            const PROFILE: Profile = $profile;
+            multiscopic_core::params!(Match: Matching = Ok($profile.matching(multiscopic_firmware::FUSION)));
 
-            static WORKSPACE: ConstStaticCell<workspace!(BoardKernel, PROFILE)> = ConstStaticCell::new(Workspace::new());
+            static WORKSPACE: ConstStaticCell<workspace!(Match::PARAMS)> = ConstStaticCell::new(Workspace::new());
 
             #[multiscopic_firmware::entry]
             fn main() -> ! {
-                let pipeline = WORKSPACE.take().pipeline();
-                match const { PROFILE.matching(Fusion::Min) } {
-                    Matching::Blocks { params, tile_width } => {
-                        multiscopic_firmware::match_blocks(PROFILE.name, params, tile_width, pipeline)
-                    }
-                    Matching::SemiGlobal(params) => multiscopic_firmware::match_semi_globally(PROFILE.name, params, pipeline),
-                    Matching::AroundPrior { short, long } => {
-                        multiscopic_firmware::match_around_prior(PROFILE.name, (short, long), pipeline)
-                    }
-                    Matching::WithConfidences(WholeLines::Blocks(params)) => {
-                        multiscopic_firmware::match_blocks_with_confidences(PROFILE.name, params, pipeline)
-                    }
-                    Matching::WithConfidences(WholeLines::SemiGlobal(params)) => {
-                        multiscopic_firmware::match_semi_globally_with_confidences(PROFILE.name, params, pipeline)
-                    }
-                    Matching::Network(params) => multiscopic_firmware::match_by_network(PROFILE.name, params, pipeline),
-                }
+                multiscopic_firmware::run($profile.name, &Match, WORKSPACE.take().pipeline())
             }
         }
 

@@ -55,12 +55,6 @@ pub fn elapsed() -> Duration {
 
 /// An error that ends the firmware.
 pub enum FirmwareError {
-    /// The host does not give the command line.
-    CommandLine(HostError),
-    /// The argument is not the name of a fusion.
-    Fusion,
-    /// The arguments are not those of a calibration.
-    Calibration,
     /// The file of packets could not be created.
     Packets(HostError),
     /// The file of a frame could not be opened.
@@ -83,13 +77,6 @@ pub enum FirmwareError {
 impl fmt::Display for FirmwareError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            FirmwareError::CommandLine(error) => write!(f, "cannot read the command line: {error}"),
-            FirmwareError::Fusion => write!(f, "start it with one word: min, mean, heuristic or half"),
-            FirmwareError::Calibration => write!(
-                f,
-                "start it with: width, height, views (1 to 4), smallest disparity, disparities, block size, fusion, columns of a \
-                 tile, bm or sgm"
-            ),
             FirmwareError::Packets(error) => write!(f, "cannot create the file of packets: {error}"),
             FirmwareError::Frame(frame, error) => write!(f, "cannot open {frame}.gray: {error}"),
             FirmwareError::Size { frame, found, expected } => {

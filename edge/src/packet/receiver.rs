@@ -166,14 +166,11 @@ mod tests {
 
     use super::*;
     use crate::packet::{Sender, buffer_bytes, buffer_bytes_with_confidences};
-    use multiscopic_core::{BlockMatchingParams, Region, SearchConfig};
+    use multiscopic_core::{BlockMatchingParams, Region, SearchConfig, valid};
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(40, 20) };
-    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
-        Ok(params) => params,
-        Err(_) => panic!("the parameters are out of range"),
-    };
+    const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(3));
 
     #[test]
     fn every_flipped_bit_and_every_cut_is_noticed() {

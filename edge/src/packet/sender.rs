@@ -133,15 +133,11 @@ mod tests {
 
     use super::*;
     use crate::packet::Packet;
-    use multiscopic_core::BlockMatchingParams;
-    use multiscopic_core::SearchConfig;
+    use multiscopic_core::{BlockMatchingParams, SearchConfig, valid};
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(700, 20) };
-    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
-        Ok(params) => params,
-        Err(_) => panic!("the parameters are out of range"),
-    };
+    const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(3));
 
     /// A line in which many bytes are zero.
     fn line(columns: usize) -> Vec<Option<Disparity>> {

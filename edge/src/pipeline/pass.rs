@@ -3,7 +3,8 @@
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::{ErrorType, Write};
 use multiscopic_core::{
-    ConfidenceLines, ConfidenceTable, Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Region, ScanlineSource, SearchSpace,
+    BlockMatchingParams, ConfidenceLines, ConfidenceTable, Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region,
+    ScanlineSource, SearchSpace,
     kernel::{Isa, Kernel},
     network::NetworkError,
 };
@@ -142,16 +143,16 @@ impl<B: Board> ScanlineSource for Fetching<'_, B> {
 }
 
 /// The frames of a long match, whose prior is a short match of other frames of the board.
-pub struct LongFrames<'a, 'm, B: Board, I> {
+pub struct LongFrames<'a, 'm, B: Board, I, P> {
     /// The frames of the long match.
     pub frames: &'a mut B::Frames,
     /// The short match.
-    pub short: Matcher<'m, I>,
+    pub short: Matcher<'m, I, P>,
     /// The frames of the short match.
     pub short_frames: &'a mut B::Frames,
 }
 
-impl<B: Board, I: Kernel> ScanlineSource for LongFrames<'_, '_, B, I> {
+impl<B: Board, I: Kernel, P: Params<BlockMatchingParams>> ScanlineSource for LongFrames<'_, '_, B, I, P> {
     type Error = FetchError<B>;
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {

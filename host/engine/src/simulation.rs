@@ -6,7 +6,7 @@
 use std::{convert::Infallible, iter, time::Duration};
 
 use multiscopic_core::{Frame, Fusion, Rewind, ScanlineSource, SearchSpace, View, Views};
-use multiscopic_edge::{Board, Phase, Pipeline, Profile, Streams, StreamsError, Wide};
+use multiscopic_edge::{Board, Phase, Pipeline, Profile, Streams, StreamsError};
 
 use crate::{planes::Planes, simd::Baseline};
 
@@ -65,10 +65,10 @@ pub fn simulate(
     let mut board = SimulatedBoard { frames, on_line };
     let mut sources = matching.searches().map(|search| board.frames(search)).collect::<Result<Vec<_>, _>>()?;
     let mut packets = board.output()?;
-    let lengths = matching.lengths::<Baseline>();
+    let lengths = matching.lengths_with::<Baseline>();
     let (mut words, mut line, mut packet) = (vec![0; lengths.words()], vec![None; lengths.columns], vec![0; lengths.packet]);
-    let pipeline = Pipeline::new(&mut words, &mut line, &mut packet);
-    let run = pipeline.run::<SimulatedBoard<'_>, _>(Baseline::default(), &matching, &mut sources, &mut packets);
+    let pipeline = Pipeline::with_kernel(Baseline::default(), &mut words, &mut line, &mut packet);
+    let run = pipeline.run::<SimulatedBoard<'_>, _>(&matching, &mut sources, &mut packets);
     let mut sender = run.unwrap_or_else(|error| panic!("the workspace fits the profile and memory can be read: {error}"));
     packets.extend_from_slice(sender.end(None).expect("the end is shorter than a line"));
     let passes = sources.iter().map(|source| source.passes).max().unwrap_or_default();
@@ -79,7 +79,7 @@ pub fn simulate(
             None => lines_read.push((frame, lines)),
         }
     }
-    Ok(Simulation { packets, passes, lines_read, workspace: matching.lengths::<Wide>().bytes() })
+    Ok(Simulation { packets, passes, lines_read, workspace: matching.lengths().bytes() })
 }
 
 /// A board whose frames are in memory.

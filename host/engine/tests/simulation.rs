@@ -3,7 +3,7 @@
 //! Not a unit test, which would compile the kernels once more.
 
 use multiscopic_core::{Frame, Fusion, View};
-use multiscopic_edge::{Wide, profile};
+use multiscopic_edge::profile;
 use multiscopic_engine::{Planes, SimulationError, simulate};
 
 const SIZE: [usize; 2] = [160, 120];
@@ -13,7 +13,7 @@ fn the_pipeline_runs_in_its_workspace() {
     let (profile, gray) = (profile::QQVGA, [9; SIZE[0] * SIZE[1]]);
     let frames = Planes::new(SIZE, &gray).with(View::LEFT, &gray).with(View::RIGHT, &gray);
     let simulation = simulate(&profile, Fusion::Min, &frames, &|| ()).unwrap();
-    assert_eq!(simulation.workspace, profile.lengths::<Wide>().bytes());
+    assert_eq!(simulation.workspace, profile.lengths().bytes());
     assert_eq!(simulation.passes, 1);
     let views = [View::LEFT, View::RIGHT].map(Frame::View);
     assert_eq!(simulation.lines_read, [(Frame::Center, 120), (views[0], 120), (views[1], 120)]);

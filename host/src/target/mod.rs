@@ -15,8 +15,8 @@ mod measured;
 pub mod ram;
 pub mod reception;
 
-use multiscopic_core::kernel::Isa;
-use multiscopic_edge::{Lengths, Matching, Wide};
+use multiscopic_core::kernel::{Isa, Native};
+use multiscopic_edge::{Lengths, Matching};
 
 pub use multiscopic_engine::{Simulation, SimulationError, simulate};
 
@@ -73,11 +73,11 @@ impl Processor {
 
     /// Lanes of its kernel. The number of disparities is rounded up to a multiple of it.
     pub(crate) fn lanes(self) -> usize {
-        Wide::LANES
+        Native::LANES
     }
 
     /// The lengths of its workspace.
     pub fn lengths(self, matching: &Matching) -> Lengths {
-        matching.lengths::<Wide>()
+        matching.lengths()
     }
 }

@@ -93,7 +93,7 @@ pub fn widest_tile(params: &BlockMatchingParams, processor: Processor, limit: us
 #[cfg(test)]
 mod tests {
     use multiscopic_core::Fusion;
-    use multiscopic_edge::{Wide, profile};
+    use multiscopic_edge::profile;
 
     use super::*;
 
@@ -105,7 +105,7 @@ mod tests {
             assert_eq!(ram.buffers().iter().map(|buffer| buffer.bytes).sum::<usize>(), ram.bytes());
             let others = ["confidence", "disparities", "packet", "runtime", "stack"];
             let matcher = ram.buffers().into_iter().filter(|buffer| !others.contains(&buffer.name));
-            let lengths = profile.lengths::<Wide>();
+            let lengths = profile.lengths();
             assert_eq!((matcher.map(|buffer| buffer.bytes).sum(), ram.workspace), (lengths.matcher.bytes(), lengths));
             assert_eq!(ram.statics(), lengths.bytes() + processor.firmware_costs().statics);
             assert!(ram.bytes() <= profile.ram_budget, "{}", profile.name);

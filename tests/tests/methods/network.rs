@@ -14,12 +14,12 @@ use multiscopic::{
 };
 use multiscopic_core::{
     Disparity, Frame, Fusion as CoreFusion, SearchConfig, SearchSpace, View, Views,
+    kernel::Native,
     network::{
         NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError, QuantizedOutput, TRAINED_WEIGHTS,
         WeightError,
     },
 };
-use multiscopic_edge::Wide;
 use multiscopic_reference::{self as reference, Fusion, NetworkInputs, semi_global::Cost, split_mix::Random};
 use multiscopic_tests::test_images::{
     ViewSet,
@@ -268,8 +268,8 @@ fn several_baselines_are_matched_one_by_one_and_merged() {
 fn in_bounded_memory(search: SearchSpace, weights: &[u8], mut frames: &Frames) -> Vec<(Option<Disparity>, u8)> {
     let params = NetworkParams::new(search).expect("views in a row");
     // With any content.
-    let mut memory = vec![0xa5a5_a5a5; params.memory::<Wide>().words()];
-    let mut matcher = NetworkMatcher::new(Wide::default(), &params, weights, &mut memory).expect("weights and memory");
+    let mut memory = vec![0xa5a5_a5a5; params.memory::<Native>().words()];
+    let mut matcher = NetworkMatcher::new(Native::default(), &params, weights, &mut memory).expect("weights and memory");
     matcher.read_frames(&mut frames).expect("the frames are there");
     matcher.run(|| ()).expect("as much memory as is needed");
     (0..search.height()).flat_map(|v| matcher.line(v).collect::<Vec<_>>()).collect()
@@ -365,11 +365,11 @@ fn the_matcher_in_bounded_memory_takes_views_in_a_row() {
     .checked()
     .expect("a search");
     let params = NetworkParams::new(search).expect("views in a row");
-    let mut memory = vec![0; params.memory::<Wide>().words() - 1];
-    let error = NetworkMatcher::new(Wide::default(), &params, TRAINED_WEIGHTS, &mut memory).expect_err("too little memory");
+    let mut memory = vec![0; params.memory::<Native>().words() - 1];
+    let error = NetworkMatcher::new(Native::default(), &params, TRAINED_WEIGHTS, &mut memory).expect_err("too little memory");
     assert!(matches!(error, NetworkError::Memory(_)));
     let mut memory = vec![0; memory.len() + 1];
-    let error = NetworkMatcher::new(Wide::default(), &params, &TRAINED_WEIGHTS[1..], &mut memory).expect_err("no weights");
+    let error = NetworkMatcher::new(Native::default(), &params, &TRAINED_WEIGHTS[1..], &mut memory).expect_err("no weights");
     assert_eq!(error, NetworkError::Weights(WeightError::Start));
 }
 
@@ -387,7 +387,7 @@ fn the_matcher_takes_memory_in_proportion_to_the_frames() {
         .checked()
         .expect("a search");
         let NetworkMemory { frames, inputs, excesses, paths, volume, result, image } =
-            NetworkParams::new(search).expect("views in a row").memory::<Wide>();
+            NetworkParams::new(search).expect("views in a row").memory::<Native>();
         [frames, inputs, excesses, paths, volume, result, image]
     };
     // Buffers of a few rows double where frames take four times as much.

@@ -29,12 +29,14 @@ macro_rules! instructions {
 
 // After the macros, which modules see only if they stand before them.
 mod dsp;
+#[cfg(multiscopic_mve)]
 mod mve;
 
 use core::mem::offset_of;
 
 use crate::kernel::{isa::Change, steps::Track};
 pub use dsp::Dsp;
+#[cfg(multiscopic_mve)]
 pub use mve::Mve;
 
 /// Assembly loads a track as three words: where samples enter, where they leave, and the step.

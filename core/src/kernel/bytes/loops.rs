@@ -192,8 +192,8 @@ pub trait RunLoops: PixelLoops {
 }
 
 /// The definition of [`RunLoops::extend_forward`].
-#[cfg_attr(target_arch = "arm", inline(never))]
-#[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(any(target_os = "none", debug_assertions)), inline(always))]
 pub(in crate::kernel) fn forward_loop<I: PixelLoops>(isa: I, run: ForwardRun<'_, '_>) {
     let ForwardRun { start, depth, costs, excess, along, mut from_above, penalties } = run;
     let stride = Slot::bytes(depth);
@@ -212,8 +212,8 @@ pub(in crate::kernel) fn forward_loop<I: PixelLoops>(isa: I, run: ForwardRun<'_,
 }
 
 /// The definition of [`RunLoops::extend_backward`].
-#[cfg_attr(target_arch = "arm", inline(never))]
-#[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(any(target_os = "none", debug_assertions)), inline(always))]
 pub(in crate::kernel) fn backward_loop<I: PixelLoops>(
     isa: I,
     paths: u16,

@@ -14,11 +14,11 @@ mod loops;
 mod paths;
 
 use super::blocks::Blocks;
-#[cfg(target_arch = "arm")]
+#[cfg(multiscopic_mve)]
 pub(super) use hamming::hamming_loop;
 pub use hamming::{CandidateRun, Candidates, DistanceFusion, hamming_run, mean_of_inliers};
 pub use loops::{BackwardRun, ForwardRun, Kernel, PixelLoops, PixelPaths, RunLoops, RunPenalties};
-#[cfg(target_arch = "arm")]
+#[cfg(multiscopic_dsp)]
 pub(super) use loops::{backward_loop, forward_loop};
 pub use paths::{LinePath, Slot, Step};
 

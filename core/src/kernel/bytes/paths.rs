@@ -65,7 +65,7 @@ pub(super) fn extend_loop<I: Bytes, const N: usize, const FIRST: bool>(
     // The usual numbers of vectors as constants, so that what the paths add stays in registers, unless the code
     // has to be small.
     match costs.len() {
-        _ if cfg!(target_arch = "arm") => paths.extend_by_vector::<FIRST>(&mut steps),
+        _ if cfg!(target_os = "none") => paths.extend_by_vector::<FIRST>(&mut steps),
         1 => paths.extend::<1, FIRST>(&mut steps),
         2 => paths.extend::<2, FIRST>(&mut steps),
         4 => paths.extend::<4, FIRST>(&mut steps),

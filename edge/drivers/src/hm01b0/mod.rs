@@ -10,15 +10,12 @@
 //! use embedded_hal::{delay::DelayNs, i2c::I2c};
 //! use multiscopic_core::{
 //!     Matcher, BlockMatchingParams, SearchConfig,
-//!     capture::{Camera, Plan, Policy, CaptureProgress, Sequence, Stage},
+//!     capture::{Camera, Plan, Policy, CaptureProgress, Sequence, Stage}, valid,
 //! };
 //! use multiscopic_drivers::hm01b0::{Configuration, FrameMemory, Gain, Hm01b0, LineReceiver, Size};
 //!
 //! const SEARCH: SearchConfig = SearchConfig { num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-//! const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
-//!     Ok(params) => params,
-//!     Err(_) => panic!("the parameters are out of range"),
-//! };
+//! const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(7));
 //! const CONFIGURATION: Configuration =
 //!     Configuration { exposure_lines: 60, gain: Gain::X2, ..Configuration::new(Size::Qqvga) };
 //!
@@ -244,15 +241,12 @@ pub trait FrameStore: ScanlineSource {
 /// [`Views`](multiscopic_core::Views).
 ///
 /// ```
-/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, SearchConfig, Views};
+/// use multiscopic_core::{BlockMatchingParams, Frame, Fusion, SearchConfig, Views, valid};
 /// use multiscopic_drivers::hm01b0::FrameMemory;
 ///
 /// const SEARCH: SearchConfig =
 ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-/// const PARAMS: BlockMatchingParams = match SEARCH.block_matching(7) {
-///     Ok(params) => params,
-///     Err(_) => panic!("the parameters are out of range"),
-/// };
+/// const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(7));
 /// // Two of the three frames: the last view is matched during readout.
 /// const BYTES: usize = 2 * PARAMS.width() * PARAMS.height();
 ///

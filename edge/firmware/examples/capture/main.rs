@@ -31,7 +31,7 @@ mod image {
         stepper::{Axis, Stepper},
     };
     use multiscopic_edge::{Lengths, Matching, frame_file, profile::CAPTURE};
-    use multiscopic_firmware::{BoardKernel, fail};
+    use multiscopic_firmware::fail;
     use semihosting::{experimental::env, process};
     use static_cell::ConstStaticCell;
 
@@ -58,7 +58,7 @@ mod image {
     };
     /// The number of line buffers between the interrupt and the program.
     const LINE_BUFFERS: usize = 6;
-    const LENGTHS: Lengths = Matching::Blocks { params: CAPTURE, tile_width: CAPTURE.width() }.lengths::<BoardKernel>();
+    const LENGTHS: Lengths = Matching::Blocks { params: CAPTURE, tile_width: CAPTURE.width() }.lengths();
     /// Every frame but the last one is stored.
     const STORED_BYTES: usize = LAST * CAPTURE.width() * CAPTURE.height();
 

@@ -3,7 +3,7 @@
 use core::{cell::RefCell, ffi::CStr, fmt, time::Duration};
 use embedded_io::Write;
 use multiscopic_core::{
-    Disparity, MatchError, Matcher, MemoryTooSmall, Region, View,
+    BlockMatchingParams, Disparity, MatchError, Matcher, MemoryTooSmall, Region, View,
     capture::{CaptureError, CaptureProgress, Plan, Policy, Sequence, Stage},
 };
 use multiscopic_drivers::{
@@ -14,13 +14,18 @@ use multiscopic_edge::{
     packet::{BufferTooSmall, Sender},
     profile::CAPTURE,
 };
-use multiscopic_firmware::{BoardKernel, HostError, HostFile};
+use multiscopic_firmware::{HostError, HostFile};
 
 use super::{
     injection::{FaultKind, Injection},
     simulated_sensor::{Registers, Sensor},
     slide::{Clock, Pin, Slide},
 };
+
+multiscopic_core::params!(
+    /// The match, whose code alone is linked.
+    CaptureMatch: BlockMatchingParams = Ok(CAPTURE)
+);
 
 /// The baseline in micrometres.
 pub const BASELINE_UM: u32 = 20_000;
@@ -169,7 +174,7 @@ impl Testbench<'_, '_> {
         // again.
         let mut output = HostFile::create(buffers.path).map_err(CaptureFailure::Send)?;
         let whole = Region::whole(CAPTURE.search());
-        let matcher = Matcher::with_isa(BoardKernel::default(), &CAPTURE, &whole, buffers.memory);
+        let matcher = Matcher::new(&CaptureMatch, buffers.memory);
         let (mut matcher, mut sender) = (matcher.map_err(CaptureFailure::Memory)?, Sender::new(CAPTURE.search(), buffers.packet));
         let mut lines_during_readout = 0;
         loop {

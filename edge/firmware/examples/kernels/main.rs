@@ -12,7 +12,7 @@ mod twin;
 
 #[cfg(target_os = "none")]
 mod image {
-    use multiscopic_firmware::BoardKernel;
+    use multiscopic_core::kernel::Native;
     use semihosting::{eprintln, process};
 
     use super::{
@@ -33,7 +33,7 @@ mod image {
     }
 
     fn compare(random: &mut Xorshift) -> Result<(), Difference> {
-        let kernel = BoardKernel::default();
+        let kernel = Native::default();
         compare_columns(kernel, random)?;
         compare_products(kernel, random)?;
         compare_costs::<u16, _>(kernel, random, 0xffff)?;

@@ -1,8 +1,7 @@
 //! Compares single operations on random vectors, with the costs at which fusion changes its mind.
 
 use core::fmt::Debug;
-use multiscopic_core::kernel::{Block, Blocks, Change, Column, Isa, Lane, Rule};
-use multiscopic_firmware::BoardKernel;
+use multiscopic_core::kernel::{Block, Blocks, Change, Column, Isa, Lane, Native, Rule};
 
 use super::twin::{Difference, LANES, Twin, Xorshift, same};
 
@@ -17,7 +16,7 @@ pub const MAX_RUN: usize = 8;
 pub fn vector<L: Lane, T: bytemuck::Pod>(lanes: &[L; LANES]) -> T {
     let mut ordered = [L::default(); LANES];
     for (index, &lane) in lanes.iter().enumerate() {
-        ordered[BoardKernel::lane(index)] = lane;
+        ordered[Native::lane(index)] = lane;
     }
     bytemuck::pod_read_unaligned(bytemuck::cast_slice(&ordered))
 }
@@ -25,7 +24,7 @@ pub fn vector<L: Lane, T: bytemuck::Pod>(lanes: &[L; LANES]) -> T {
 /// Unpacks the lanes of a vector of the kernel, in the order of the disparities.
 fn lanes<L: Lane, T: bytemuck::Pod>(vector: &T) -> [L; LANES] {
     let ordered: &[L] = bytemuck::cast_slice(core::slice::from_ref(vector));
-    core::array::from_fn(|index| ordered[BoardKernel::lane(index)])
+    core::array::from_fn(|index| ordered[Native::lane(index)])
 }
 
 /// Compares the operations on column sums.

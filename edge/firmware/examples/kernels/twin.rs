@@ -1,12 +1,11 @@
 //! The portable twin, its comparison with a kernel, and the random numbers that both get.
 
 use core::fmt::Debug;
-use multiscopic_core::kernel::{Isa, Portable};
-use multiscopic_firmware::BoardKernel;
+use multiscopic_core::kernel::{Isa, Native, Portable};
 use semihosting::eprintln;
 
 /// The lanes of both kernels.
-pub const LANES: usize = BoardKernel::LANES;
+pub const LANES: usize = Native::LANES;
 
 /// The portable kernel, which defines what every operation does.
 pub type Twin = Portable<LANES>;

@@ -11,8 +11,7 @@ mod twin;
 
 #[cfg(target_os = "none")]
 mod image {
-    use multiscopic_core::{Disparity, Fusion, Matcher, Region, SearchConfig, View, Views};
-    use multiscopic_firmware::BoardKernel;
+    use multiscopic_core::{Disparity, Fusion, Matcher, Region, SearchConfig, View, Views, kernel::Native};
     use semihosting::{eprintln, process};
     use static_cell::ConstStaticCell;
 
@@ -53,7 +52,7 @@ mod image {
                 let Ok(params) = params else { return Err(Difference) };
                 let tile_width = if count % 3 == 0 { 13 } else { WIDTH.into() };
                 for tile in Region::tiles(params.search(), tile_width) {
-                    let found = Matcher::with_isa(BoardKernel::default(), &params, &tile, memory);
+                    let found = Matcher::with_isa(Native::default(), &params, &tile, memory);
                     let expected = Matcher::with_isa(Twin::default(), &params, &tile, memory_of_twin);
                     let (Ok(mut found), Ok(mut expected)) = (found, expected) else {
                         eprintln!("kernels: {params:?} needs more memory");

@@ -54,17 +54,14 @@ pub fn receive(mut source: impl BufRead, path: &Path, limits: Limits, notify: im
 
 #[cfg(test)]
 mod tests {
-    use multiscopic_core::{BlockMatchingParams, Disparity, Fusion, Region, SearchConfig};
+    use multiscopic_core::{BlockMatchingParams, Disparity, Fusion, Region, SearchConfig, valid};
     use multiscopic_edge::packet::{Sender, buffer_bytes, buffer_bytes_with_confidences};
 
     use super::*;
     use crate::images::{DisparityMap, Raster};
 
     const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 4) };
-    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
-        Ok(params) => params,
-        Err(_) => panic!("the parameters are out of range"),
-    };
+    const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(3));
 
     /// The packets of a frame in two tiles, of two columns and one, and its end. All disparities are 2.
     fn sent() -> Vec<Vec<u8>> {

@@ -29,6 +29,11 @@ pub fn edge_target() -> PathBuf {
     target().join("edge")
 }
 
+/// The file of matches that the firmware of this index is made of, to be measured.
+pub fn calibrations(index: usize) -> PathBuf {
+    edge_target().join("calibrations").join(format!("{index}.rs"))
+}
+
 /// The set of frames that firmware has in flash.
 pub fn flash_set() -> PathBuf {
     edge_target().join("flash-set")

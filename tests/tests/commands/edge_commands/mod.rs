@@ -6,8 +6,8 @@ mod simulations;
 use std::{path::Path, process::Command};
 
 use multiscopic::Processor;
-use multiscopic_core::{Fusion, Memory};
-use multiscopic_edge::{Matching, WholeLines, Wide, profile};
+use multiscopic_core::{Fusion, Memory, kernel::Native};
+use multiscopic_edge::{Matching, WholeLines, profile};
 use multiscopic_tests::{
     program::{self, Invocation},
     test_images::{read_grey, read_pfm},
@@ -83,14 +83,14 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
         let report = json(&budget(&["--profile", profile.name]), 0);
         let matching = profile.matching(Fusion::Min);
         let memory = match matching {
-            Matching::Blocks { params, tile_width } => Memory::new::<Wide>(&params, tile_width),
-            Matching::SemiGlobal(params) => Memory::semi_global::<Wide>(&params),
-            Matching::WithConfidences(WholeLines::Blocks(params)) => Memory::new::<Wide>(&params, params.width()),
-            Matching::WithConfidences(WholeLines::SemiGlobal(params)) => Memory::semi_global::<Wide>(&params),
-            Matching::Network(params) => params.memory::<Wide>().of_matcher(),
+            Matching::Blocks { params, tile_width } => Memory::new::<Native>(&params, tile_width),
+            Matching::SemiGlobal(params) => Memory::semi_global::<Native>(&params),
+            Matching::WithConfidences(WholeLines::Blocks(params)) => Memory::new::<Native>(&params, params.width()),
+            Matching::WithConfidences(WholeLines::SemiGlobal(params)) => Memory::semi_global::<Native>(&params),
+            Matching::Network(params) => params.memory::<Native>().of_matcher(),
             Matching::AroundPrior { short, long } => {
-                let long = Memory::new::<Wide>(&long.around(short.search()), 320);
-                Memory::new::<Wide>(&short, 320).plus(&long)
+                let long = Memory::new::<Native>(&long.around(short.search()), 320);
+                Memory::new::<Native>(&short, 320).plus(&long)
             }
         };
         assert_eq!(report["method"], matching.name(), "{}", profile.name);
@@ -127,7 +127,7 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
         assert_eq!(buffers.map(|bytes| bytes.as_u64().expect("bytes")).sum::<u64>(), bytes("ram_total"));
         assert_eq!(bytes("ram_static") + bytes("stack_max"), bytes("ram_total"));
         let runtime = report["ram"]["runtime"].as_u64().expect("bytes");
-        assert_eq!(bytes("ram_static"), profile.lengths::<Wide>().bytes() as u64 + runtime, "{}", profile.name);
+        assert_eq!(bytes("ram_static"), profile.lengths().bytes() as u64 + runtime, "{}", profile.name);
     }
     let simulated = json(&Invocation::new(["simulate", "--json", "--profile", "qqvga", "--core", "cortex-m55"]), 0);
     let budgeted = json(&budget(&["--profile", "qqvga", "--core", "cortex-m55"]), 0);

@@ -8,7 +8,7 @@ use std::{
     time::Duration,
 };
 
-use multiscopic_core::{BlockMatchingParams, Disparity, Fusion, Region, SearchConfig, Views};
+use multiscopic_core::{BlockMatchingParams, Disparity, Fusion, Region, SearchConfig, Views, valid};
 use multiscopic_edge::packet::{Sender, buffer_bytes, buffer_bytes_with_confidences};
 use multiscopic_tests::{
     program::{self, Invocation},
@@ -22,10 +22,7 @@ use super::{confidences, folder, json};
 /// A frame of 7 x 5 pixels, sent in tiles of 4 columns.
 const SEARCH: SearchConfig =
     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(7, 5) };
-const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
-    Ok(params) => params,
-    Err(_) => panic!("the parameters are out of range"),
-};
+const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(3));
 const TILE: usize = 4;
 
 /// The 16-bit sample of a pixel. All valid ones differ, and some are invalid.

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use multiscopic::scene::{PinholeCamera, Scene, render_views};
 use multiscopic_core::{Frame, Fusion, SemiGlobalCost, View};
-use multiscopic_edge::{Matching, Profile, WholeLines, Wide, profile};
+use multiscopic_edge::{Matching, Profile, WholeLines, profile};
 use multiscopic_reference::{self as reference, AroundPrior, gradients};
 use multiscopic_tests::{
     program::Invocation,
@@ -86,7 +86,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
         assert_eq!(lines.len(), 1 + search.views().len());
         assert!(lines.values().all(|read| *read == passes * search.height()), "{report:#}");
         let statics = report["ram_static"].as_u64().expect("bytes");
-        assert!(statics >= profile.lengths::<Wide>().bytes() as u64, "{report:#}");
+        assert!(statics >= profile.lengths().bytes() as u64, "{report:#}");
         assert!(report["ram_total"].as_u64() > Some(statics), "{report:#}");
         assert!(report["ram_total"].as_u64() <= Some(profile.ram_budget as u64), "{report:#}");
     }

@@ -2,6 +2,7 @@
 //! Pi Pico 2 with a HAL of its own, which has no board to run on here. Installs what building and running needs.
 
 use anyhow::{Context, Result, ensure};
+use multiscopic_core::Fusion;
 use multiscopic_edge::Profile;
 use object::{
     LittleEndian,
@@ -9,6 +10,7 @@ use object::{
     read::elf::FileHeader,
 };
 use std::{
+    collections::BTreeMap,
     fmt, fs,
     path::{Path, PathBuf},
     process::Command,
@@ -35,34 +37,39 @@ pub fn toolchain() -> Result<Toolchain> {
     Toolchain::install(&emulated_board::targets()).context("setup: the Rust targets of the boards")
 }
 
-/// The environment variable with the folder of the set of frames that goes into flash.
-pub const FLASH_SET: &str = "MULTISCOPIC_FLASH_SET";
-
 /// A program of the firmware's crate.
 #[derive(Clone, Copy)]
 pub enum Program {
-    /// The firmware of a profile.
-    Profile(&'static str),
+    /// The firmware of a profile, with its fusion rule.
+    Profile(&'static str, Fusion),
     /// The firmware of a profile with more than four views, which the feature `array` is for.
-    ArrayProfile(&'static str),
+    ArrayProfile(&'static str, Fusion),
     /// An example.
     Example(&'static str),
     /// An example, with the feature `array`.
     ArrayExample(&'static str),
+    /// The example with the matches in the file of this [index](system::calibrations), which the feature `calibrations` is for.
+    Calibrations(usize),
+    /// The same with the feature `array`.
+    ArrayCalibrations(usize),
     /// An example with the [set of frames](system::flash_set) in flash, which the feature `flash-set` is for.
     FlashExample(&'static str),
 }
 
 impl Program {
-    /// The firmware of `profile`.
-    pub fn of(profile: &Profile) -> Program {
-        if profile.needs_array() { Program::ArrayProfile(profile.name) } else { Program::Profile(profile.name) }
+    /// The firmware of `profile` that fuses by `fusion`.
+    pub fn of(profile: &Profile, fusion: Fusion) -> Program {
+        match profile.needs_array() {
+            true => Program::ArrayProfile(profile.name, fusion),
+            false => Program::Profile(profile.name, fusion),
+        }
     }
 
     /// Its path among what is built.
     fn built(&self) -> PathBuf {
         match self {
-            Program::Profile(name) | Program::ArrayProfile(name) => PathBuf::from(name),
+            Program::Profile(name, _) | Program::ArrayProfile(name, _) => PathBuf::from(name),
+            Program::Calibrations(_) | Program::ArrayCalibrations(_) => PathBuf::from("examples/calibrate"),
             Program::Example(name) | Program::ArrayExample(name) | Program::FlashExample(name) => {
                 Path::new("examples").join(name)
             }
@@ -72,29 +79,40 @@ impl Program {
     /// The name of its copy.
     fn kept(&self) -> String {
         match self {
+            Program::Profile(name, fusion) | Program::ArrayProfile(name, fusion) => format!("{name}-{}", fusion.name()),
             Program::ArrayExample(name) => format!("{name}-array"),
-            Program::Profile(name) | Program::ArrayProfile(name) | Program::Example(name) | Program::FlashExample(name) => {
-                (*name).to_owned()
-            }
+            Program::Calibrations(index) | Program::ArrayCalibrations(index) => format!("calibrate-{index}"),
+            Program::Example(name) | Program::FlashExample(name) => (*name).to_owned(),
         }
     }
 
-    fn is_for_array(&self) -> bool {
-        matches!(self, Program::ArrayProfile(_) | Program::ArrayExample(_))
+    /// The features and the environment of its build. Programs that are built together have the same.
+    pub fn setting(&self) -> (&'static [&'static str], Option<(&'static str, PathBuf)>) {
+        let fusion = |fusion: &Fusion| Some(("MULTISCOPIC_FUSION", PathBuf::from(fusion.name())));
+        let flash_set = Some(("MULTISCOPIC_FLASH_SET", system::flash_set()));
+        let calibrations = |index: &usize| Some(("MULTISCOPIC_CALIBRATIONS", system::calibrations(*index)));
+        match self {
+            Program::Profile(_, rule) => (&[], fusion(rule)),
+            Program::ArrayProfile(_, rule) => (&["array"], fusion(rule)),
+            Program::Example(_) => (&[], None),
+            Program::ArrayExample(_) => (&["array"], None),
+            Program::Calibrations(index) => (&["calibrations"], calibrations(index)),
+            Program::ArrayCalibrations(index) => (&["array", "calibrations"], calibrations(index)),
+            Program::FlashExample(_) => (&["flash-set"], flash_set),
+        }
     }
 }
 
-/// The cargo command that builds `programs` for `board`, which are all for the feature `array` or none of them.
+/// The cargo command that builds `programs` for `board`, which have the same [setting](Program::setting).
 pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Command {
     let mut cargo = toolchain.cargo("build");
     cargo.args(["--profile", "firmware", "--package", "multiscopic-firmware", "--target", board.target]);
     cargo.env("RUSTFLAGS", board.rustflags);
-    let array = programs.iter().any(Program::is_for_array).then_some("array");
-    let flash_set = programs.iter().any(|program| matches!(program, Program::FlashExample(_))).then_some("flash-set");
-    cargo.args(board.feature.into_iter().chain(array).chain(flash_set).map(|feature| format!("--features={feature}")));
-    cargo.env(FLASH_SET, system::flash_set());
+    let (features, environment) = programs.first().map(Program::setting).unwrap_or_default();
+    cargo.args(board.feature.iter().chain(features).map(|feature| format!("--features={feature}"))).envs(environment);
     cargo.args(programs.iter().map(|program| match program {
-        Program::Profile(name) | Program::ArrayProfile(name) => format!("--bin={name}"),
+        Program::Profile(name, _) | Program::ArrayProfile(name, _) => format!("--bin={name}"),
+        Program::Calibrations(_) | Program::ArrayCalibrations(_) => "--example=calibrate".to_owned(),
         Program::Example(name) | Program::ArrayExample(name) | Program::FlashExample(name) => format!("--example={name}"),
     }));
     cargo
@@ -105,9 +123,11 @@ pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program])
     let built = system::edge_target().join(board.target).join("firmware");
     let kept = system::edge_target().join("images").join(board.name);
     fs::create_dir_all(&kept)?;
-    // The feature changes the core for all programs that are built together.
-    let (for_array, others): (Vec<Program>, Vec<Program>) = programs.iter().partition(|program| program.is_for_array());
-    for programs in [others, for_array].iter().filter(|programs| !programs.is_empty()) {
+    let mut together = BTreeMap::<_, Vec<Program>>::new();
+    for program in programs {
+        together.entry(program.setting()).or_default().push(*program);
+    }
+    for programs in together.values() {
         run(&mut command(toolchain, board, programs))?;
         // Keep copies: the next images have the same paths.
         for program in programs {

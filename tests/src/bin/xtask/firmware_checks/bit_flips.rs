@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use multiscopic_core::{Disparity, Fusion};
-use multiscopic_edge::{Matching, Wide, profile::QQVGA};
+use multiscopic_edge::{Matching, profile::QQVGA};
 use multiscopic_reference::split_mix::Random;
 use object::{Object, ObjectSymbol, read::elf::ElfFile32};
 use std::{
@@ -140,7 +140,7 @@ impl<'a> Target<'a> {
         let function = |name: &str| symbol(name).map(|range| range.start & !1);
         let matching = QQVGA.matching(Fusion::Min);
         let images = ImageSet::demo(&matching);
-        let (workspace, lengths) = (symbol("WORKSPACE")?, matching.lengths::<Wide>());
+        let (workspace, lengths) = (symbol("WORKSPACE")?, matching.lengths());
         let size = (workspace.end - workspace.start) as usize;
         // The cell has a flag beside it.
         ensure!(size >= lengths.bytes(), "the workspace has {size} bytes, expected {}", lengths.bytes());
@@ -206,7 +206,7 @@ impl<'a> Target<'a> {
 
     /// Returns the addresses of a part.
     fn memory(&self, part: Part, stack_pointer: u32) -> Range<u32> {
-        let lengths = self.matching.lengths::<Wide>();
+        let lengths = self.matching.lengths();
         let words = self.workspace..self.workspace + 4 * lengths.words() as u32;
         let line = words.end..words.end + lengths.line_bytes() as u32;
         match part {

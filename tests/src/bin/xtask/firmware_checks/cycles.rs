@@ -67,13 +67,11 @@ impl Accounting {
         let is_wanted = |board: &EmulatedBoard| self.board.as_deref().is_none_or(|name| name == board.name);
         let boards = emulated_board::one_per_processor().filter(|(_, board)| is_wanted(board) && profile.ram_budget <= board.ram);
         for (processor, board) in boards {
-            let image = build::build(toolchain, board, &[Program::of(&profile)])?.pop().context("one image")?;
-            let disassembly = Disassembly::of(&image, processor)?;
             let mut sum = Cost::default();
             for fusion in profiles::fusions(&profile) {
                 let run = format!("{}, {}, {}", board.name, profile.name, fusion.name());
-                let functions =
-                    costs((processor, board), &profile, fusion, &image, &disassembly, &counter).context(run.clone())?;
+                let image = build::build(toolchain, board, &[Program::of(&profile, fusion)])?.pop().context("one image")?;
+                let functions = costs((processor, board), &profile, fusion, &image, &counter).context(run.clone())?;
                 let total: Cost = functions.values().copied().sum();
                 let evaluations = profile.matching(fusion).evaluations() as f64;
                 print(&run, total, &functions, evaluations);
@@ -106,21 +104,20 @@ impl std::iter::Sum for Cost {
     }
 }
 
-/// Runs `image` with `fusion`, and returns the cost of each function.
+/// Runs `image`, which fuses by `fusion`, and returns the cost of each function.
 fn costs(
     (processor, board): (Processor, &EmulatedBoard),
     profile: &Profile,
     fusion: Fusion,
     image: &Path,
-    disassembly: &Disassembly,
     counter: &Counter,
 ) -> Result<BTreeMap<String, Cost>> {
     let folder = system::edge_target().join("runs").join("cycles").join(board.name).join(profile.name).join(fusion.name());
     ImageSet::demo(&profile.matching(fusion)).write(&folder)?;
     let plugin = format!("{},{}", counter.plugin(image)?, counter::TRACE_ARGUMENT);
-    let exit = emulation::run(board, image, &[fusion.name()], &folder, Some(&plugin))?;
+    let exit = emulation::run(board, image, &[], &folder, Some(&plugin))?;
     ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
-    let costs = priced(&counter::read_trace(&folder)?, disassembly, processor)?;
+    let costs = priced(&counter::read_trace(&folder)?, &Disassembly::of(image, processor)?, processor)?;
     let (traced, counted) = (costs.values().copied().sum::<Cost>().instructions, Instructions::read(&folder)?.pipeline());
     ensure!(traced == counted, "the blocks have {traced} instructions, the emulator counted {counted}");
     Ok(costs)

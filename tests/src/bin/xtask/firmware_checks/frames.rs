@@ -206,14 +206,11 @@ pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
 mod tests {
     use super::*;
 
-    use multiscopic_core::{BlockMatchingParams, Fusion, Region, SearchConfig};
+    use multiscopic_core::{BlockMatchingParams, Fusion, Region, SearchConfig, valid};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
     const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 2) };
-    const PARAMS: BlockMatchingParams = match SEARCH.block_matching(3) {
-        Ok(params) => params,
-        Err(_) => panic!("the parameters are out of range"),
-    };
+    const PARAMS: BlockMatchingParams = valid(SEARCH.block_matching(3));
 
     /// The packets of a frame of twos, without the packet `without`, followed by `noise`.
     fn sent(without: Option<usize>, noise: &[u8]) -> Vec<u8> {

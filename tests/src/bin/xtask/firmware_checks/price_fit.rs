@@ -6,8 +6,8 @@ use multiscopic::target::{
     instruction_model::{CandidateUnits, Prices, WorkUnits, Workload},
 };
 use multiscopic_core::{BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, Views};
-use multiscopic_edge::{Matching, Wide};
-use std::{collections::BTreeMap, path::PathBuf};
+use multiscopic_edge::Matching;
+use std::{collections::BTreeMap, fs, path::Path};
 
 use crate::{
     emulation::{
@@ -87,6 +87,9 @@ const LONG_BASELINE: u8 = 4;
 /// Blocks of semi-global matching, by shape in turn.
 const PATH_BLOCKS: [u8; 3] = [5, 3, 7];
 
+/// The matches of which an image is made: the flash of the smallest board holds as many.
+const IN_AN_IMAGE: usize = 20;
+
 /// The words of memory that the calibrating firmware has for the matcher.
 const WORKSPACE_WORDS: usize = 50 * 1024;
 
@@ -96,21 +99,25 @@ struct Run<'a> {
     images: &'a ImageSet,
 }
 
-/// The calibrating firmware, for up to four views and for eight.
-struct Calibrating {
-    few: PathBuf,
-    array: PathBuf,
-}
-
 /// The instructions per unit of work of the firmware on `board`.
 pub fn prices(toolchain: &Toolchain, (processor, board): (Processor, &EmulatedBoard), counter: &Counter) -> Result<Prices> {
-    let programs = [Program::Example("calibrate"), Program::ArrayExample("calibrate")];
-    let [few, array] = build::build(toolchain, board, &programs)?.try_into().ok().context("each program gives an image")?;
-    let firmware = Calibrating { few, array };
     let images = SHAPES.each_ref().map(Shape::images);
     let mut runs = runs(&images)?;
     runs.retain(|run| Workload::new(&run.matching, processor).is_some());
-    let counted = in_parallel(&runs, |run| run.count(board, &firmware, counter).with_context(|| run.name(board)))?;
+    // Those with the same features together.
+    runs.sort_by_key(Run::is_for_array);
+    let mut counted = Vec::new();
+    for (index, runs) in
+        runs.chunk_by(|a, b| a.is_for_array() == b.is_for_array()).flat_map(|runs| runs.chunks(IN_AN_IMAGE)).enumerate()
+    {
+        write_calibrations(index, &runs.iter().map(|run| run.matching).collect::<Vec<_>>())?;
+        let program = if runs[0].is_for_array() { Program::ArrayCalibrations(index) } else { Program::Calibrations(index) };
+        let image = build::build(toolchain, board, &[program])?.pop().context("one program gives one image")?;
+        let places: Vec<_> = runs.iter().enumerate().collect();
+        counted.extend(in_parallel(&places, |(place, run)| {
+            run.count(board, &image, *place, counter).with_context(|| run.name(board))
+        })?);
+    }
     let prices = fit(&runs, &counted, processor);
     let off = runs.iter().zip(&counted).filter_map(|(run, counted)| {
         let predicted = prices.instructions(&run.matching, processor)?;
@@ -160,7 +167,7 @@ fn runs(images: &[ImageSet]) -> Result<Vec<Run<'_>>> {
     for (index, (shape, images)) in SHAPES.iter().zip(images).enumerate() {
         let (narrow, path_block) = (shape.block_sizes[0], PATH_BLOCKS[index % PATH_BLOCKS.len()]);
         let mut add = |matching: Matching| {
-            if matching.lengths::<Wide>().words() <= WORKSPACE_WORDS {
+            if matching.lengths().words() <= WORKSPACE_WORDS {
                 runs.push(Run { matching, images });
             }
         };
@@ -181,46 +188,73 @@ fn runs(images: &[ImageSet]) -> Result<Vec<Run<'_>>> {
 
 impl Run<'_> {
     fn name(&self, board: &EmulatedBoard) -> String {
-        format!("{}-{}", board.name, self.arguments().join("-"))
+        let search = self.matching.search();
+        format!(
+            "{}, {}x{}, {} views, {}, {} disparities, {} {} in tiles of {}",
+            board.name,
+            search.width(),
+            search.height(),
+            search.views().len(),
+            search.fusion().name(),
+            search.num_disparities(),
+            self.matching.name(),
+            self.matching.block_matching().map_or(0, |params| params.block_size()),
+            self.matching.tile_width()
+        )
     }
 
-    /// The arguments of the firmware.
-    fn arguments(&self) -> Vec<String> {
-        let (search, tile_width) = (self.matching.search(), self.matching.tile_width());
-        let blocks = self.matching.block_matching().expect("the firmware is calibrated with sums of absolute differences");
-        let method = self.matching.name();
-        let mut arguments = vec![
-            search.width().to_string(),
-            search.height().to_string(),
-            search.views().len().to_string(),
-            search.min_disparity().to_string(),
-            search.num_disparities().to_string(),
-            blocks.block_size().to_string(),
-            search.fusion().name().to_owned(),
-            tile_width.to_string(),
-        ];
-        match self.matching {
-            Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) | Matching::Network(_) => {
-                arguments.push(method.to_owned())
-            }
-            Matching::AroundPrior { long, .. } => {
-                let [multiple, disparities] = [long.views().multiple().into(), long.num_disparities()];
-                arguments.extend([format!("{method}-around"), multiple.to_string(), disparities.to_string()]);
-            }
-        }
-        arguments
+    fn is_for_array(&self) -> bool {
+        self.matching.search().views().len() > 4
     }
 
-    /// Counts its instructions.
-    fn count(&self, board: &EmulatedBoard, firmware: &Calibrating, counter: &Counter) -> Result<Instructions> {
-        let image = if self.matching.search().views().len() > 4 { &firmware.array } else { &firmware.few };
-        let folder: PathBuf = system::edge_target().join("runs/price-fit").join(self.name(board));
+    /// Counts the instructions of the match at `place` in `image`.
+    fn count(&self, board: &EmulatedBoard, image: &Path, place: usize, counter: &Counter) -> Result<Instructions> {
+        let folder = system::edge_target().join("runs/price-fit").join(board.name).join(place.to_string());
         self.images.write(&folder)?;
-        let arguments = self.arguments();
-        let args: Vec<&str> = arguments.iter().map(String::as_str).collect();
-        let exit = emulation::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
+        let exit = emulation::run(board, image, &[&place.to_string()], &folder, Some(&counter.plugin(image)?))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         Instructions::read(&folder)
+    }
+}
+
+/// Writes the file of matches for the calibrating firmware of this index.
+pub fn write_calibrations(index: usize, matches: &[Matching]) -> Result<()> {
+    let path = system::calibrations(index);
+    let lines: String =
+        matches.iter().enumerate().map(|(place, matching)| format!("{place}: {},\n", constant(matching))).collect();
+    fs::create_dir_all(path.parent().context("the file has a folder")?)?;
+    fs::write(&path, format!("calibrations! {{\n{lines}}}\n")).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// A match as a constant of the firmware.
+fn constant(matching: &Matching) -> String {
+    let search = matching.search();
+    let views = match search.views().len() {
+        1 => "STEREO",
+        2 => "HORIZONTAL",
+        3 => "THREE",
+        4 => "CROSS",
+        _ => "ARRAY",
+    };
+    let (width, height, fusion) = (search.width(), search.height(), search.fusion());
+    let (min_disparity, num_disparities) = (search.min_disparity(), search.num_disparities());
+    let search = format!(
+        "SearchConfig {{ width: {width}, height: {height}, views: Views::{views}, fusion: Fusion::{fusion:?}, \
+         min_disparity: {min_disparity}, num_disparities: {num_disparities} }}"
+    );
+    let block_size = matching.block_matching().map_or(0, |params| params.block_size());
+    match matching {
+        Matching::SemiGlobal(_) => {
+            format!("Matching::SemiGlobal(valid({search}.semi_global(SemiGlobalCost::Sad {{ block_size: {block_size} }})))")
+        }
+        Matching::AroundPrior { long, .. } => {
+            let [multiple, disparities] = [long.views().multiple().into(), long.num_disparities()];
+            format!("Matching::around_prior(valid({search}.block_matching({block_size})), {multiple}, {disparities}).unwrap()")
+        }
+        _ => format!(
+            "Matching::Blocks {{ params: valid({search}.block_matching({block_size})), tile_width: {} }}",
+            matching.tile_width()
+        ),
     }
 }
 

@@ -7,7 +7,7 @@ use multiscopic::target::{
     FirmwareCostTable, FirmwareCosts, MEASURED, instruction_model::Workload, reception::ReceivedFrame, simulate,
 };
 use multiscopic_core::Fusion;
-use multiscopic_edge::{Profile, Wide, frame_file, profile};
+use multiscopic_edge::{Profile, frame_file, profile};
 use serde::Serialize;
 use std::{
     fs,
@@ -245,23 +245,19 @@ fn note_ram(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measure
 fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
     let mut runs = Vec::new();
     for board in emulated_board::all() {
-        let profiles: Vec<_> = profile::ALL.into_iter().filter(|profile| selection.has(board, profile)).collect();
-        if profiles.is_empty() {
+        let profiles = profile::ALL.into_iter().filter(|profile| selection.has(board, profile));
+        let matches: Vec<_> = profiles
+            .flat_map(|profile| selection.fusions(board, &profile).into_iter().map(move |fusion| (profile, fusion)))
+            .collect();
+        if matches.is_empty() {
             continue;
         }
-        let programs: Vec<_> = profiles.iter().map(Program::of).collect();
+        let programs: Vec<_> = matches.iter().map(|(profile, fusion)| Program::of(profile, *fusion)).collect();
         let images = match board.is_arm() {
             true => build::build(toolchain, board, &programs)?,
             false => build::build(&Toolchain::install(&[board.target])?, board, &programs)?,
         };
-        for (profile, image) in profiles.into_iter().zip(images) {
-            runs.extend(selection.fusions(board, &profile).into_iter().map(|fusion| Run {
-                board,
-                profile,
-                fusion,
-                image: image.clone(),
-            }));
-        }
+        runs.extend(matches.into_iter().zip(images).map(|((profile, fusion), image)| Run { board, profile, fusion, image }));
     }
     Ok(runs)
 }
@@ -279,7 +275,7 @@ impl Run {
 
     /// The size of its workspace in bytes.
     fn workspace_bytes(&self) -> usize {
-        self.profile.matching(self.fusion).lengths::<Wide>().bytes()
+        self.profile.matching(self.fusion).lengths().bytes()
     }
 
     /// Runs the image and measures it. Fails unless its packets equal the host's.
@@ -324,7 +320,7 @@ impl Run {
             fs::remove_file(&packets)?;
         }
         let plugin = counter.plugin(&self.image)?;
-        let exit = emulation::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
+        let exit = emulation::run(self.board, &self.image, &[], folder, Some(&plugin))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
         let matching = self.profile.matching(self.fusion);

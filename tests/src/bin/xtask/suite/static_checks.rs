@@ -8,10 +8,10 @@ use std::{
 
 use crate::{
     emulation::{
-        build,
+        build::{self, Program},
         emulated_board::{self, EmulatedBoard},
     },
-    firmware_checks::rectifying::DistortedSet,
+    firmware_checks::{price_fit::write_calibrations, rectifying::DistortedSet},
     system::{self, OPTIMIZED, OPTIMIZED_PROGRAM, PYTHON_PACKAGE, checked_cargo, command, read, run},
     tools::Toolchain,
 };
@@ -84,12 +84,18 @@ const AS_FIRMWARE: [&str; 2] = ["--profile", "firmware"];
 /// Lints the libraries and the firmware for Arm. No code depends on which of the targets it is built for.
 pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     DistortedSet::render()?.write(&system::flash_set())?;
+    write_calibrations(0, &[])?;
     // Examples of libraries run on this machine.
     let libraries = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers"].map(|package| format!("--package={package}"));
-    let firmware = ["--package=multiscopic-firmware", "--features=multiscopic-firmware/flash-set", "--bins", "--examples"];
+    let firmware = [
+        "--package=multiscopic-firmware",
+        "--features=multiscopic-firmware/flash-set,multiscopic-firmware/calibrations",
+        "--bins",
+        "--examples",
+    ];
     let clippy = |arguments: &[&str]| {
         let mut clippy = toolchain.cargo("clippy");
-        clippy.env(build::FLASH_SET, system::flash_set());
+        clippy.envs(Program::FlashExample("qqvga-rectified").setting().1).envs(Program::Calibrations(0).setting().1);
         clippy.args(AS_FIRMWARE).args(["--target", emulated_board::REFERENCE.target, "--lib"]);
         run(clippy.args(arguments).args(["--", "-Dwarnings"]))
     };

@@ -1,0 +1,148 @@
+//! Parameters that are known when the program is compiled, and those that are not.
+
+use core::marker::PhantomData;
+
+use super::{BlockMatchingParams, ParamsError, PathPenalties, SemiGlobalCost, SemiGlobalParams};
+use crate::Disparity;
+
+/// Parameters of the type `T`: a value of that type, or a type of its own for constants, which [`params!`](crate::params) makes.
+///
+/// A matcher has code for every number of views, both widths of its sums and every fusion rule, because values may ask for any
+/// of them. With constants it has the code for these alone, a tenth of the flash or less.
+///
+/// ```
+/// use multiscopic_core::{BlockMatchingParams, Fusion, Matcher, SearchConfig, Views, params};
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
+/// params!(Qqvga: BlockMatchingParams = SEARCH.block_matching(7));
+///
+/// let mut memory = [0; Qqvga::PARAMS.memory_words()];
+/// let matcher = Matcher::new(&Qqvga, &mut memory)?;
+/// assert_eq!(matcher.params().block_size(), 7);
+/// # Ok::<(), multiscopic_core::MemoryTooSmall>(())
+/// ```
+pub trait Params<T>: Copy {
+    /// The parameters, if they are constants.
+    const KNOWN: Option<T>;
+
+    /// The parameters.
+    fn get(&self) -> &T;
+}
+
+impl<T: Copy> Params<T> for T {
+    const KNOWN: Option<T> = None;
+
+    #[inline(always)]
+    fn get(&self) -> &T {
+        self
+    }
+}
+
+/// What a matcher asks for `prior`, which is `None` if the parameters are constants without one: the code around priors is then
+/// not linked.
+#[inline(always)]
+pub(crate) fn prior_of<P: Params<BlockMatchingParams>, T>(prior: Option<T>) -> Option<T> {
+    const fn may_have_prior(known: Option<BlockMatchingParams>) -> bool {
+        match known {
+            Some(params) => params.prior().is_some(),
+            None => true,
+        }
+    }
+    if const { may_have_prior(P::KNOWN) } { prior } else { None }
+}
+
+/// Makes a type that stands for constant parameters, checked when the program is compiled: see [`Params`](crate::Params).
+///
+/// What is out of its range fails the build, and the compiler's message says which parameter it is and what it may be.
+#[macro_export]
+macro_rules! params {
+    ($(#[$attribute:meta])* $visibility:vis $name:ident: $type:ty = $checked:expr) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug)]
+        $visibility struct $name;
+
+        impl $name {
+            /// The parameters.
+            $visibility const PARAMS: $type = $crate::valid($checked);
+        }
+
+        impl $crate::Params<$type> for $name {
+            const KNOWN: Option<$type> = Some($name::PARAMS);
+
+            #[inline(always)]
+            fn get(&self) -> &$type {
+                const { &$name::PARAMS }
+            }
+        }
+    };
+}
+
+/// The parameters, which are within their ranges.
+///
+/// ```
+/// use multiscopic_core::{BlockMatchingParams, SearchConfig, valid};
+/// const PARAMS: BlockMatchingParams = valid(SearchConfig::of_size(320, 240).block_matching(11));
+/// ```
+///
+/// # Panics
+/// If they are not. In a constant, that fails the build, and the compiler's message says which parameter it is and what it may be:
+///
+/// ```compile_fail
+/// use multiscopic_core::{BlockMatchingParams, SearchConfig, valid};
+/// const PARAMS: BlockMatchingParams = valid(SearchConfig::of_size(320, 240).block_matching(10));
+/// ```
+pub const fn valid<T: Copy>(checked: Result<T, ParamsError>) -> T {
+    // Without the values: constants have no text of numbers.
+    match checked {
+        Ok(params) => params,
+        Err(ParamsError::EmptyFrame { .. }) => panic!("`width` or `height` is 0: frames have at least one pixel"),
+        Err(ParamsError::NoViews) => panic!("`views` is empty: at least one neighbouring view is needed"),
+        Err(ParamsError::TooManyViews { most: 4, .. }) => {
+            panic!("`views` are too many: a matcher takes up to four, and with the feature `array` of multiscopic-core eight")
+        }
+        Err(ParamsError::TooManyViews { .. }) => panic!("`views` are too many: a matcher takes up to eight"),
+        Err(ParamsError::BlockSize { largest: 11, .. }) => {
+            panic!("`block_size` is out of range: it is odd and, for semi-global matching, from 1 to 11")
+        }
+        Err(ParamsError::BlockSize { .. }) => panic!("`block_size` is out of range: it is odd and from 1 to 21"),
+        Err(ParamsError::Penalties { .. }) => panic!("the penalties are out of range: P1 <= P2 <= 51"),
+        Err(ParamsError::Range { num_disparities: 0, .. }) => panic!("`num_disparities` is 0: at least one is searched"),
+        Err(ParamsError::Range { .. }) => {
+            panic!("`min_disparity` or `num_disparities` is out of range: all disparities are within -511..=511")
+        }
+    }
+}
+
+// The numbers in the messages above.
+const _: () = assert!(BlockMatchingParams::MAX_BLOCK_SIZE == 21 && SemiGlobalCost::MAX_BLOCK_SIZE == 11);
+const _: () = assert!(PathPenalties::MAX == 51 && Disparity::MIN_SEARCH == -511 && Disparity::MAX_SEARCH == 511);
+
+/// The block matching whose sums are the costs of semi-global matching with the parameters `P`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CostBlocks<P> {
+    /// Not read if `P` are constants.
+    blocks: BlockMatchingParams,
+    of: PhantomData<P>,
+}
+
+impl<P: Params<SemiGlobalParams>> CostBlocks<P> {
+    #[inline(always)]
+    pub fn new(params: &P) -> CostBlocks<P> {
+        CostBlocks { blocks: params.get().block_matching(), of: PhantomData }
+    }
+}
+
+impl<P: Params<SemiGlobalParams>> Params<BlockMatchingParams> for CostBlocks<P> {
+    const KNOWN: Option<BlockMatchingParams> = match P::KNOWN {
+        Some(params) => Some(params.block_matching()),
+        None => None,
+    };
+
+    #[inline(always)]
+    fn get(&self) -> &BlockMatchingParams {
+        match const { &Self::KNOWN } {
+            Some(known) => known,
+            None => &self.blocks,
+        }
+    }
+}

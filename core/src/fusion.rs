@@ -1,6 +1,6 @@
 //! The fusion of the matching costs of several views into one.
 
-use crate::Views;
+use crate::{Views, infallible};
 
 /// The rule that fuses the matching costs `c1 <= c2 <= ...` of the views in which a candidate is available.
 ///
@@ -225,8 +225,8 @@ fn heuristic<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
 #[inline]
 fn half<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
     let available = costs.iter().filter(|cost| cost.exists()).count();
-    let (mut sum, count) = (C::ZERO, available.div_ceil(2));
-    for &cost in least_of::<C, V, V>(costs, V.div_ceil(2)).iter().take(count) {
+    let (mut sum, count) = (C::ZERO, infallible::div_ceil(available, 2));
+    for &cost in least_of::<C, V, V>(costs, infallible::div_ceil(V, 2)).iter().take(count) {
         sum = sum.plus(cost);
     }
     if count == 0 { C::NONE } else { sum.mean(count as u32, Fusion::Half.scale(V)) }

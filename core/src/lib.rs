@@ -53,6 +53,7 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
+//! | `infallible` | what panics elsewhere for some input, as it is where it does not |
 //! | `view` | [`View`], [`Frame`]: positions of the camera, and the places of matches |
 //! | `views` | [`Views`]: a set of views, in order |
 //! | `fusion` | [`Fusion`]: the fusion of the matching costs of several views into one |
@@ -93,6 +94,7 @@ mod disparity;
 mod error;
 mod filters;
 mod fusion;
+mod infallible;
 pub mod kernel;
 mod lines;
 mod matcher;

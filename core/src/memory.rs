@@ -3,7 +3,7 @@
 use core::mem;
 
 use crate::{
-    BlockMatchingParams, Frame, MemoryTooSmall, SemiGlobalCost, SemiGlobalParams, View,
+    BlockMatchingParams, Frame, MemoryTooSmall, SemiGlobalCost, SemiGlobalParams, View, infallible,
     kernel::{Isa, Rule, Slot},
 };
 
@@ -221,7 +221,7 @@ impl Memory {
 
     /// The sum of all buffers in words: the length of the `[u32]` lent to the matcher.
     pub const fn words(&self) -> usize {
-        self.bytes().div_ceil(4)
+        infallible::div_ceil(self.bytes(), 4)
     }
 }
 
@@ -341,7 +341,7 @@ impl StackShape {
     pub const fn new(shape: &Shape, view: View) -> StackShape {
         let sets = view.down().unsigned_abs() as usize;
         let block_size = shape.ring_lines - 1;
-        let live = shape.disparities + block_size.div_ceil(if sets > 0 { sets } else { 1 });
+        let live = shape.disparities + infallible::div_ceil(block_size, if sets > 0 { sets } else { 1 });
         let usable = live + StackShape::SLACK;
         StackShape {
             sets,
@@ -436,7 +436,7 @@ impl<'m> Lender<'m> {
     /// The next bytes.
     pub fn bytes(&mut self, bytes: usize) -> Result<&'m mut [u8], MemoryTooSmall> {
         let too_small = self.too_small;
-        let lent: &'m mut [u8] = bytemuck::cast_slice_mut(self.words(bytes)?);
+        let lent: &'m mut [u8] = infallible::cast_mut(self.words(bytes)?);
         lent.get_mut(..bytes).ok_or(too_small)
     }
 

@@ -3,7 +3,7 @@
 
 mod texture_lines;
 
-use crate::{Disparity, MatchError, MemoryTooSmall, SearchSpace};
+use crate::{Disparity, MatchError, MemoryTooSmall, SearchSpace, infallible};
 pub use texture_lines::{CenterLines, ObservedSource, TextureLines, slopes};
 
 /// Invalidates the disparities of a line that are less sure than `least`, a probability times 255. An invalid pixel has
@@ -148,7 +148,7 @@ impl<const REACH: usize> MatchedLines<'_, REACH> {
 
     /// The words of memory for lines of `width` columns.
     pub const fn memory_words(width: usize) -> usize {
-        (width * (2 * Self::DISPARITIES + Self::PEAKS)).div_ceil(size_of::<u32>())
+        infallible::div_ceil(width * (2 * Self::DISPARITIES + Self::PEAKS), size_of::<u32>())
     }
 }
 
@@ -157,7 +157,7 @@ impl<'m, const REACH: usize> MatchedLines<'m, REACH> {
     pub fn new(search: &SearchSpace, memory: &'m mut [u32]) -> Result<MatchedLines<'m, REACH>, MemoryTooSmall> {
         let (width, height) = (search.width(), search.height());
         let too_small = MemoryTooSmall { needed: Self::memory_words(width), given: memory.len() };
-        let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
+        let bytes: &mut [u8] = infallible::cast_mut(memory);
         let (disparities, peaks) = bytes.split_at_mut_checked(2 * Self::DISPARITIES * width).ok_or(too_small)?;
         let disparities = bytemuck::try_cast_slice_mut(disparities).map_err(|_| too_small)?;
         let peaks = peaks.get_mut(..Self::PEAKS * width).ok_or(too_small)?;

@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use super::{MatchedLines, copy_to};
 use crate::{
-    BlockMatchingParams, Disparity, Frame, MatchError, MemoryTooSmall, ScanlineSource, View, Views, kernel::Portable,
+    BlockMatchingParams, Disparity, Frame, MatchError, MemoryTooSmall, ScanlineSource, View, Views, infallible, kernel::Portable,
     memory::Lender,
 };
 
@@ -149,7 +149,7 @@ impl<'m> CenterLines<'m> {
     /// The words of memory for these parameters.
     const fn memory_words(params: &BlockMatchingParams) -> usize {
         let [gray, slopes, columns] = CenterLines::bytes(params);
-        2 * gray.div_ceil(4) + slopes.div_ceil(4) + columns.div_ceil(4)
+        2 * infallible::div_ceil(gray, 4) + infallible::div_ceil(slopes, 4) + infallible::div_ceil(columns, 4)
     }
 
     fn new(params: &BlockMatchingParams, memory: &'m mut [u32]) -> Result<CenterLines<'m>, MemoryTooSmall> {
@@ -162,7 +162,7 @@ impl<'m> CenterLines<'m> {
             views: params.views(),
             gray: [lender.bytes(gray)?, lender.bytes(gray)?],
             slopes: lender.bytes(slopes)?,
-            columns: bytemuck::cast_slice_mut(lender.bytes(columns)?),
+            columns: infallible::cast_mut(lender.bytes(columns)?),
         })
     }
 

@@ -78,7 +78,8 @@ pub trait Blocks<L: Lane>: Isa {
             {
                 let moved = self.advance(self.load_column(sums), step.center, Change { entering, leaving });
                 moved.store(sums);
-                self.load_block(&block[k]).slide(moved, self.load_column(leaving_sums)).store(&mut block[k]);
+                let Some(block) = block.get_mut(k) else { return };
+                self.load_block(block).slide(moved, self.load_column(leaving_sums)).store(block);
             }
         }
     }

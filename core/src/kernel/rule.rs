@@ -1,7 +1,7 @@
 //! The fusion rules in lanes.
 
 use super::isa::{Block, Lane};
-use crate::{Fusion, Views};
+use crate::{Fusion, Views, infallible};
 
 /// The rule that fuses the costs of the views in lanes.
 ///
@@ -53,7 +53,7 @@ impl Rule {
         match (self, views) {
             (Rule::Min, _) => 1,
             (Rule::Heuristic, _) => 6,
-            (Rule::Half, _) if is_complete => views.div_ceil(2) as u32,
+            (Rule::Half, _) if is_complete => infallible::div_ceil(views, 2) as u32,
             (Rule::Half, _) => Fusion::Half.scale(views) as u32,
             (Rule::Sum, 2) => 2,
             (Rule::Sum, _) if is_complete => views as u32,

@@ -28,7 +28,7 @@ mod warped_rows;
 use core::iter;
 
 use crate::{
-    BlockMatchingParams, Frame, MatchError, Params, Region, ScanlineSource, View, Views,
+    BlockMatchingParams, Frame, MatchError, Params, Region, ScanlineSource, View, Views, infallible,
     kernel::Samples,
     memory::{Shape, StackShape},
     params::prior_of,
@@ -223,15 +223,7 @@ impl<'m> Lines<'m> {
     /// Stores the line that was [`needed_line`](Lines::needed_line) for line `v` of the centre: one plane of `width` pixels
     /// after the other.
     pub fn take(&mut self, v: i32, line: &[u8], width: usize) {
-        let planes = || {
-            // Not `chunks_exact`, whose division may panic where the compiler does not see that it cannot.
-            let mut rest = line;
-            iter::from_fn(move || {
-                let plane;
-                (plane, rest) = rest.split_at_checked(width)?;
-                Some(plane)
-            })
-        };
+        let planes = || infallible::parts(line, width);
         match &mut self.store {
             Store::Rows(rows) => rows.put(self.next, planes()),
             Store::SpreadRows(rows) => rows.put(self.next, planes()),

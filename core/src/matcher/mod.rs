@@ -17,6 +17,7 @@ use bytemuck::Pod;
 use crate::{
     BlockMatchingParams, Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource, Views,
     availability::Availability,
+    infallible,
     kernel::{Blocks, Change, Isa, Kernel, Lane, Native},
     lines::{Frames, Lines, PriorLines},
     memory::{Lender, Shape},
@@ -152,7 +153,7 @@ impl<'m, I: Isa, P: Params<BlockMatchingParams>> Matcher<'m, I, P> {
         masks.fill(u32::MAX);
         zeros.fill(0);
         let mut lines = |frame| {
-            let samples = bytemuck::cast_slice_mut(lend(shape.frame_bytes(frame))?);
+            let samples = infallible::cast_mut(lend(shape.frame_bytes(frame))?);
             Ok(Lines::new(frame, params, region, shape, samples))
         };
         let center = lines(Frame::Center)?;
@@ -345,7 +346,7 @@ impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
         I: Blocks<L>,
     {
         let (v, params) = (self.next, self.params.get());
-        let vectors = params.num_disparities().div_ceil(I::LANES);
+        let vectors = infallible::div_ceil(params.num_disparities(), I::LANES);
         let columns = cast_mut::<_, I::Sums>(self.sums.columns).get_mut(..self.shape.span * V * vectors).unwrap_or_default();
         let bias = I::bias((v + 1 - self.region.rows().start) as u32);
         cast_mut::<_, u16>(self.sums.zeros).fill(bias);
@@ -390,7 +391,7 @@ impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
 
 /// Memory as whole elements of another type. Bytes left over at the end are not used.
 fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
-    let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
+    let bytes: &mut [u8] = infallible::cast_mut(memory);
     let whole = bytes.len() / size_of::<U>() * size_of::<U>();
     bytes.get_mut(..whole).and_then(|bytes| bytemuck::try_cast_slice_mut(bytes).ok()).unwrap_or_default()
 }

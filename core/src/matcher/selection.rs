@@ -35,6 +35,7 @@ use crate::{
     availability::Availability,
     confidence::PeakRatio,
     disparity::Around,
+    infallible,
     kernel::{Block, Blocks, Isa, Lane, MAX_BATCH, Masks, Rule, Steps, Winners},
     params::PriorLine,
 };
@@ -114,7 +115,7 @@ impl<'a, L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'a, L,
         for segment in availability.segments() {
             // The next segment overwrites the lanes past the end of this one. Only the lanes before its start
             // have to be kept.
-            let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
+            let (first, end) = (segment.start / I::LANES, infallible::div_ceil(segment.end, I::LANES));
             let (Some(blocks), Some(fused)) = (blocks.get(first..end), fused.get_mut(first..end)) else { continue };
             let before = fused.first().copied();
             self.isa.fuse_available(self.rule, segment.views, blocks, fused);

@@ -8,6 +8,7 @@ use super::{exact::Exact, selection::Selection};
 use crate::{
     BlockMatchingParams, Disparity, Fusion, Params, Region,
     availability::Availability,
+    infallible,
     kernel::{Batch, Block, Blocks, Change, Divisor, Isa, Kernel, Lane, MAX_BATCH, Masks, Rule, Steps, Winners, Work},
     lines::{Frames, Lines},
     params::{PriorLine, prior_of},
@@ -117,7 +118,7 @@ impl<I: Kernel> Output<u16, I> for CostLine<'_> {
         let Sweep { isa, params, region, v, mut steps, blocks, masks, availability, fused, out, .. } = sweep;
         let CostLine { costs, depth, shift } = out;
         // With constant parameters it is a constant here.
-        let vectors = params.get().num_disparities().div_ceil(I::LANES).max(1);
+        let vectors = infallible::div_ceil(params.get().num_disparities(), I::LANES).max(1);
         let (Some(blocks), Some(masks), Some(fused)) =
             (blocks.get_mut(..vectors), masks.get_mut(..vectors), fused.get_mut(..vectors))
         else {
@@ -235,7 +236,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize, P: Params<BlockMatchingParams>> Swee
         let (DisparityLine { disparities, peaks }, prior) = (out, prior_of::<P, _>(prior));
         let mut peaks = peaks.unwrap_or_default().iter_mut();
         // That there is a vector saves checks in the loop. With constant parameters their number is a constant here.
-        let vectors = params.get().num_disparities().div_ceil(I::LANES).max(1);
+        let vectors = infallible::div_ceil(params.get().num_disparities(), I::LANES).max(1);
         let (Some(blocks), Some(masks), Some(fused)) =
             (blocks.get_mut(..vectors), masks.get_mut(..vectors), fused.get_mut(..vectors))
         else {

@@ -4,6 +4,7 @@ use super::frame_lines::{BYTES, CandidatePlanes, LineRing, Pair, blur, column_su
 use crate::{
     Census, MemoryTooSmall, SearchSpace, Views,
     availability::Availability,
+    infallible,
     kernel::{Candidates, DistanceFusion, Isa, Kernel, Work, as_vectors_mut, mean_of_inliers},
     memory::{Lender, align, vector_bytes},
     semi_global::descriptor_at,
@@ -135,7 +136,7 @@ impl<'m, 'f, I: Isa> CensusPairLines<'m, 'f, I> {
             }
             k += 1;
         }
-        bytes.div_ceil(4)
+        infallible::div_ceil(bytes, 4)
     }
 
     /// No line yet. The fusion of the search does not matter.

@@ -8,7 +8,7 @@
 use core::ops::Range;
 
 use super::MAX_ACTIVATION;
-use crate::{Disparity, Fusion, SearchConfig, SearchSpace, kernel::DistanceFusion};
+use crate::{Disparity, Fusion, SearchConfig, SearchSpace, infallible, kernel::DistanceFusion};
 
 /// The disparity of a block of pixels that the volume part finds, from the least of the search on in steps, and how sure it is,
 /// from 0 to 127.
@@ -53,7 +53,7 @@ pub const fn paired(search: &SearchSpace) -> SearchSpace {
 
 /// The blocks along the side of an image, a multiple of [`BLOCKS`]. Pixels beyond the image are those of its last row and column.
 pub const fn padded_blocks(side: usize) -> usize {
-    side.div_ceil(BLOCK * BLOCKS) * BLOCKS
+    infallible::div_ceil(side, BLOCK * BLOCKS) * BLOCKS
 }
 
 /// The rows of pixels of a row of blocks, in an image of `height` rows.

@@ -4,7 +4,7 @@ use super::{
     ParamsError, SearchConfig, SearchSpace,
     block_matching::{self, BlockMatchingParams},
 };
-use crate::{Frame, Fusion};
+use crate::{Frame, Fusion, infallible};
 
 /// The window of the centre-symmetric census transform.
 ///
@@ -57,7 +57,7 @@ impl Census {
 
     /// Bytes of a descriptor.
     pub const fn bytes(self) -> usize {
-        self.bits().div_ceil(8)
+        infallible::div_ceil(self.bits(), 8)
     }
 
     /// The offsets `[dx, dy]` of the pixels that are compared with their opposites, in the order of the bits:

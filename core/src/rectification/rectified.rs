@@ -6,7 +6,7 @@ use super::{
     Rectification,
     displacement_grid::{Displacements, Piece, Position, STEPS, Steps},
 };
-use crate::{Disparity, Frame, MemoryTooSmall, Rewind, ScanlineSource, Views};
+use crate::{Disparity, Frame, MemoryTooSmall, Rewind, ScanlineSource, Views, infallible};
 
 /// Bits of the sums of a [`Piece`] below a pixel, and the sum of a pixel.
 const PIXEL_BITS: u32 = Piece::BITS + STEPS.trailing_zeros();
@@ -286,7 +286,7 @@ impl<'m, S> Rectified<'m, S> {
     ) -> Result<Rectified<'m, S>, MemoryTooSmall> {
         let width = rectification.grid().width();
         let too_small = MemoryTooSmall { needed: rectification.memory(views).words(), given: memory.len() };
-        let mut rest: &'m mut [u8] = bytemuck::cast_slice_mut(memory);
+        let mut rest: &'m mut [u8] = infallible::cast_mut(memory);
         let mut frames = [const { None }; 1 + Views::MAX];
         let names = iter::once(Frame::Center).chain(views.iter().map(Frame::View));
         for (lines, frame) in frames.iter_mut().zip(names) {

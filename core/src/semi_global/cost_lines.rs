@@ -4,6 +4,7 @@ use crate::{
     BlockMatchingParams, Census, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, ScanlineSource, SearchSpace,
     SemiGlobalCost, SemiGlobalParams, View, Views,
     availability::Availability,
+    infallible,
     kernel::{Candidates, DistanceFusion, Isa, Kernel, Work, as_vectors_mut},
     lines::{Lines, replicate},
     memory::{Lender, Shape},
@@ -119,7 +120,7 @@ pub(crate) fn set_descriptors<'s, S: PartialOrd + 's>(
 #[inline(always)]
 pub(crate) fn descriptor_at<const N: usize>(descriptors: &[u8], width: usize, u: usize) -> [u8; N] {
     let mut descriptor = [0; N];
-    for (byte, plane) in descriptor.iter_mut().zip(descriptors.chunks_exact(width.max(1))) {
+    for (byte, plane) in descriptor.iter_mut().zip(infallible::parts(descriptors, width)) {
         *byte = plane.get(u).copied().unwrap_or_default();
     }
     descriptor

@@ -30,7 +30,7 @@ use core::ops::Range;
 
 use super::path_lines::{PathLines, PathSweep, Slots};
 use crate::{
-    Disparity, Memory, MemoryTooSmall, SemiGlobalParams,
+    Disparity, Memory, MemoryTooSmall, SemiGlobalParams, infallible,
     kernel::{Isa, Kernel, PixelPaths, RunPenalties, Slot, Step, Work, as_vectors, as_vectors_mut},
     memory::{Lender, PathShape, align, vector_bytes},
 };
@@ -137,7 +137,7 @@ impl Bands {
     /// The bytes of the path costs that the first pass keeps. It ends with the first band, and so has the costs of the second
     /// one. In the last band, paths begin.
     const fn kept_bytes(&self) -> usize {
-        self.height.div_ceil(self.lines).saturating_sub(2) * 3 * self.shape.line_bytes()
+        infallible::div_ceil(self.height, self.lines).saturating_sub(2) * 3 * self.shape.line_bytes()
     }
 
     /// The bytes of what paths add to the costs of a band.
@@ -160,7 +160,7 @@ impl<'m, 'f, I: Isa> EightPaths<'m, 'f, I> {
             + align(bands.excess_bytes(), vector)
             + align(2 * shape.line_bytes(), vector)
             + align(2 * shape.width, vector);
-        bytes.div_ceil(4)
+        infallible::div_ceil(bytes, 4)
     }
 
     /// A pass with an instruction set.
@@ -251,7 +251,7 @@ impl<I: Kernel> EightPaths<'_, '_, I> {
         let line = shape.line_bytes();
         match self.kept_costs_at(bottom).and_then(|kept| self.kept_costs.get(kept)) {
             Some(kept) if bottom < height => {
-                let kept = kept.chunks_exact(line.max(1));
+                let kept = infallible::parts(kept, line);
                 self.paths_from_below.iter_mut().zip(kept).for_each(|(slots, costs)| slots.load(costs, shape.depth));
             }
             _ => self.paths_from_below.iter_mut().for_each(|slots| slots.begin(self.paths_from_above.start)),
@@ -273,7 +273,7 @@ impl<I: Kernel> EightPaths<'_, '_, I> {
                 penalties: RunPenalties { p1: self.params.penalties().p1(), p2, here, above: below },
             });
             if let Some(kept) = kept.filter(|_| !is_in_band).and_then(|kept| self.kept_costs.get_mut(kept)) {
-                let kept = kept.chunks_exact_mut(line.max(1));
+                let kept = infallible::parts_mut(kept, line);
                 self.paths_from_below.iter().zip(kept).for_each(|(slots, costs)| slots.store(costs, shape.depth));
             }
         }

@@ -89,7 +89,7 @@ impl<'m> Slots<'m> {
     #[cfg(feature = "network")]
     pub fn load(&mut self, costs: &[u8], depth: usize) {
         self.here = 0;
-        for (slot, costs) in self.bytes.chunks_exact_mut(self.stride.max(1)).zip(costs.chunks_exact(depth.max(1))) {
+        for (slot, costs) in self.bytes.chunks_exact_mut(self.stride.max(1)).zip(crate::infallible::parts(costs, depth)) {
             slot.iter_mut().take(1).for_each(|least| *least = costs.iter().copied().fold(u8::MAX, u8::min));
             Slot::copy(slot.get_mut(Slot::LEAD..Slot::LEAD + depth).unwrap_or_default(), costs);
         }

@@ -6,7 +6,7 @@ use core::{ops::Range, ptr};
 use bytemuck::{Zeroable, bytes_of, bytes_of_mut};
 
 use super::{ByteVector, Bytes, as_vectors, as_vectors_mut};
-use crate::Fusion;
+use crate::{Fusion, infallible};
 
 /// The candidates of a pixel in a view, with descriptors of `N` bytes.
 #[derive(Clone, Debug)]
@@ -145,7 +145,7 @@ pub fn hamming_run<I: Bytes, const N: usize, const V: usize>(
     count: usize,
     costs: &mut [u8],
 ) -> Option<()> {
-    let vectors = count.div_ceil(I::LANES);
+    let vectors = infallible::div_ceil(count, I::LANES);
     let depth = vectors * I::LANES;
     let pixels = costs.len().checked_div(depth)?;
     let mut starts = [[ptr::null(); N]; V];

@@ -1,5 +1,6 @@
 //! The loops over costs in 8-bit lanes: through the disparities of a pixel, and along paths through many pixels.
 
+use crate::infallible;
 use core::slice;
 
 use super::{
@@ -76,7 +77,7 @@ pub trait PixelLoops: Bytes {
     /// first lane that has it.
     #[inline(always)]
     fn winner(self, paths: u16, costs: &[Self::Samples], excess: &[Self::Samples]) -> (u16, usize) {
-        let (costs, excess): (&[u8], &[u8]) = (bytemuck::cast_slice(costs), bytemuck::cast_slice(excess));
+        let (costs, excess): (&[u8], &[u8]) = (infallible::cast(costs), infallible::cast(excess));
         let sums = || costs.iter().zip(excess).map(|(&cost, &excess)| paths * u16::from(cost) + u16::from(excess));
         let least = sums().fold(u16::MAX, u16::min);
         (least, sums().position(|sum| sum == least).unwrap_or_default())

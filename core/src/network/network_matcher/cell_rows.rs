@@ -17,6 +17,7 @@
 use core::{array, iter};
 
 use crate::{
+    infallible,
     kernel::Isa,
     network::{LayerRecord, MAX_ACTIVATION, NetworkLayers},
 };
@@ -188,7 +189,7 @@ impl<'m> CellRows<'m> {
         let Some((above, hidden)) = scratch.split_at_mut_checked(slices * row) else { return };
         for y in 0..height {
             for (slice, (hidden, above)) in
-                hidden.chunks_exact_mut(line.max(1)).zip(above.chunks_exact(row.max(1))).enumerate().take(slices)
+                hidden.chunks_exact_mut(line.max(1)).zip(infallible::parts(above, row)).enumerate().take(slices)
             {
                 let above = if y > 0 { above } else { &[] };
                 set_outputs(isa, within, [above, self.padded(slice, y), self.padded(slice, y + 1)], channels, hidden);

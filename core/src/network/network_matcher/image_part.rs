@@ -17,7 +17,7 @@ use super::{
     frame_inputs::FrameInputs,
 };
 use crate::{
-    MemoryTooSmall,
+    MemoryTooSmall, infallible,
     kernel::{Isa, Kernel},
     memory::{Lender, larger, lent_bytes},
     network::{BLOCK, BlockDisparity, MEASURES, PIXEL_CHANNELS, PixelHead, PixelRow, PixelScores, Skeleton, blocks_around},
@@ -218,7 +218,7 @@ impl ImagePart {
         let [width, height] = self.pixels();
         let head = PixelHead { exponentials: &layers.exponentials, confidences: &layers.confidences };
         let [winners, outputs, choices, scores] = self.last_bytes();
-        let (winners, outputs) = (memory.halfwords(winners / 2)?, bytemuck::cast_slice_mut(memory.bytes(outputs)?));
+        let (winners, outputs) = (memory.halfwords(winners / 2)?, infallible::cast_mut(memory.bytes(outputs)?));
         let (choices, scores) = (memory.halfwords(choices / 2)?, memory.bytes(scores)?.as_chunks_mut().0);
         let most = inputs.most_steps();
         // Pixels are chosen `REACH` rows ahead of their neighbours.

@@ -49,6 +49,7 @@ use core::{array, error, fmt};
 use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, channels::paired, fuse_rotations};
 use crate::{
     Census, Disparity, Frame, Fusion, MemoryTooSmall, ScanlineSource, SearchSpace, SemiGlobalCost, SemiGlobalParams, Views,
+    infallible,
     kernel::{Isa, Kernel},
     memory::{Lender, Memory, larger, lent_bytes},
     semi_global::EightPaths,
@@ -168,7 +169,7 @@ impl NetworkMemory {
 
     /// All of it, in words: the length of the `[u32]` that is lent.
     pub const fn words(&self) -> usize {
-        self.bytes().div_ceil(4)
+        infallible::div_ceil(self.bytes(), 4)
     }
 }
 
@@ -257,7 +258,7 @@ impl<'m, 'w, I: Isa> NetworkMatcher<'m, 'w, I> {
     pub fn line(&self, v: usize) -> impl Iterator<Item = (Option<Disparity>, u8)> {
         let search = self.params.search;
         let (width, pixels) = (search.width(), search.width() * search.height());
-        let bytes: &[u8] = bytemuck::cast_slice(self.memory);
+        let bytes: &[u8] = infallible::cast(self.memory);
         let NetworkMemory { frames, inputs, .. } = self.params.memory::<I>();
         let start = frames + inputs + 2 * v * width;
         let disparities = bytes.get(start..start + 2 * width).unwrap_or_default().as_chunks().0;

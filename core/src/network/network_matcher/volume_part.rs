@@ -18,7 +18,7 @@ use super::{
     frame_inputs::{Excesses, FrameInputs},
 };
 use crate::{
-    MemoryTooSmall,
+    MemoryTooSmall, infallible,
     kernel::{Isa, Kernel},
     memory::{Lender, larger, lent_bytes},
     network::{BlockDisparity, CANDIDATE_CHANNELS, MAX_ACTIVATION, Skeleton},
@@ -42,7 +42,7 @@ impl VolumePart {
     /// Slices, rows and columns of a level.
     const fn size(&self, level: usize) -> [usize; 3] {
         let [columns, rows] = self.blocks;
-        let slices = self.count.div_ceil(Skeleton::DISPARITIES) * Skeleton::DISPARITIES / 2;
+        let slices = infallible::div_ceil(self.count, Skeleton::DISPARITIES) * Skeleton::DISPARITIES / 2;
         [slices >> level, rows >> level, columns >> level]
     }
 
@@ -147,7 +147,7 @@ impl VolumePart {
         let [first, second] = &layers.guide;
         let [colors, hidden, outputs] = self.guide_bytes();
         let (colors, hidden) = (memory.bytes(colors)?, memory.bytes(hidden)?);
-        let guide: &mut [i16] = bytemuck::cast_slice_mut(memory.bytes(outputs)?);
+        let guide: &mut [i16] = infallible::cast_mut(memory.bytes(outputs)?);
         let candidates = memory.bytes(self.candidate_bytes())?;
         let channels = Skeleton::GUIDE_CHANNELS;
         let row_bytes = (columns + 2) * channels;

@@ -195,16 +195,21 @@ fn two_boards(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
-/// Links the matcher alone, which fails if any path leads to a panic: with all views for both Arm targets, or each once.
+/// Links the matcher alone, which fails if any path leads to a panic: for the reference board, optimised as firmware is and for its
+/// size; or with all views for both Arm targets, at each level.
 pub fn no_panic(toolchain: &Toolchain, with_all: bool) -> Result<()> {
     let few = (Program::Example("no_panic"), "four");
     let many = (Program::ArrayExample("no_panic"), "eight");
     let (reference, vectors) = (&emulated_board::REFERENCE, &emulated_board::VECTORS);
     let all = [(reference, few), (vectors, many), (reference, many), (vectors, few)];
-    for (board, (program, views)) in all.into_iter().take(if with_all { all.len() } else { 1 }) {
-        system::run(&mut build::command(toolchain, board, &[program]))
-            .with_context(|| format!("the matcher of up to {views} views can panic on a {}", board.core))?;
-        println!("faults: {}: the matcher of up to {views} views cannot panic", board.name);
+    let levels = ["3", "\"s\"", "\"z\"", "2"];
+    let (programs, levels) = if with_all { (&all[..], &levels[..]) } else { (&all[..1], &levels[..2]) };
+    for ((board, (program, views)), level) in programs.iter().flat_map(|program| levels.iter().map(move |level| (program, level)))
+    {
+        let mut build = build::command(toolchain, board, &[*program]);
+        system::run(build.arg(format!("--config=profile.firmware.opt-level={level}")))
+            .with_context(|| format!("at level {level}, the matcher of up to {views} views can panic on a {}", board.core))?;
+        println!("faults: {}: at level {level}, the matcher of up to {views} views cannot panic", board.name);
     }
     Ok(())
 }

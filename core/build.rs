@@ -1,5 +1,5 @@
-//! Says which vector instructions a Cortex-M has, as `multiscopic_dsp` and `multiscopic_mve`: on stable Rust, `target_feature` does
-//! not know those of Arm.
+//! Says which instructions a Cortex-M has: `multiscopic_dsp` and `multiscopic_mve` if it has those extensions, and
+//! `multiscopic_no_division` if it divides by a routine. On stable Rust, `target_feature` does not know the features of Arm.
 
 use std::env;
 
@@ -10,7 +10,7 @@ const WITH_MVE: [&str; 2] = ["cortex-m55", "cortex-m85"];
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
-    println!("cargo:rustc-check-cfg=cfg(multiscopic_dsp, multiscopic_mve)");
+    println!("cargo:rustc-check-cfg=cfg(multiscopic_dsp, multiscopic_mve, multiscopic_no_division)");
     let target = env::var("TARGET").unwrap_or_default();
     if !target.starts_with("thumb") {
         return;
@@ -34,9 +34,10 @@ fn main() {
             }
         }
     }
-    for (extension, is_there) in [("dsp", has_dsp), ("mve", has_mve)] {
-        if is_there {
-            println!("cargo:rustc-cfg=multiscopic_{extension}");
+    let has_no_division = target.starts_with("thumbv6m");
+    for (name, is_set) in [("dsp", has_dsp), ("mve", has_mve), ("no_division", has_no_division)] {
+        if is_set {
+            println!("cargo:rustc-cfg=multiscopic_{name}");
         }
     }
 }

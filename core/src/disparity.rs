@@ -106,7 +106,10 @@ impl Disparity {
         // The floor of 64 (1/2 + shift) + 1/2, which is never negative. The shift is (fall - rise) / (2 sum);
         // dividend and divisor are times 2 sum.
         let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
-        dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
+        let divisor = sum.wrapping_mul(2);
+        let quotient =
+            if cfg!(multiscopic_no_division) { divide_by_bits(dividend, divisor) } else { dividend.checked_div(divisor) };
+        quotient.map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
 
     /// [`refine`](Disparity::refine) for costs up to 2^53.
@@ -224,6 +227,20 @@ impl defmt::Format for Disparity {
     }
 }
 
+/// `dividend / divisor`, or `None` if the divisor is 0, where the quotient is below 128 and the divisor below 2^25: bit by bit, which
+/// takes a third of the time of a routine for any quotient.
+#[inline(always)]
+fn divide_by_bits(mut dividend: u32, divisor: u32) -> Option<u32> {
+    let mut quotient = 0;
+    for bit in (0..7).rev() {
+        if dividend >= divisor << bit {
+            dividend -= divisor << bit;
+            quotient |= 1 << bit;
+        }
+    }
+    (divisor > 0).then_some(quotient)
+}
+
 /// The disparities of a batch of `N` pixels, and the fused costs before, at and after them.
 #[derive(Debug)]
 pub(crate) struct Around<const N: usize> {
@@ -324,6 +341,17 @@ mod tests {
     use super::*;
 
     const BATCH: usize = 32;
+
+    #[test]
+    fn bit_by_bit_the_quotient_is_the_same() {
+        for (divisor, quotient) in [1, 2, 3, 1000, 99_999, (1 << 25) - 1].into_iter().flat_map(|d| (0..128).map(move |q| (d, q)))
+        {
+            for dividend in [divisor * quotient, divisor * quotient + divisor - 1] {
+                assert_eq!(divide_by_bits(dividend, divisor), dividend.checked_div(divisor), "{dividend} / {divisor}");
+            }
+        }
+        assert_eq!(divide_by_bits(0, 0), None);
+    }
 
     #[test]
     fn disparities_are_printed_in_pixels() {

@@ -3,7 +3,8 @@
 use std::{env, error::Error, fs, path::PathBuf};
 
 /// The boards beside the reference board: their features, and the linker scripts that set their memory.
-const BOARDS: [(&str, &str); 5] = [
+const BOARDS: [(&str, &str); 6] = [
+    ("rp2040", "boards/rp2040.x"),
     ("stm32f405", "boards/stm32f405.x"),
     ("stm32h743", "boards/stm32h743.x"),
     ("rp2350", "boards/rp2350.x"),

@@ -1,4 +1,4 @@
-//! Ready-made match sizes and their RAM budgets.
+//! Ready-made match sizes and their budgets of RAM and flash.
 
 use multiscopic_core::{
     BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, View, Views,
@@ -7,7 +7,7 @@ use multiscopic_core::{
 
 use crate::matching::{Lengths, Matching, WholeLines};
 
-/// A named match size and the RAM that it may take.
+/// A named match size, and the RAM and the flash that it may take.
 ///
 /// ```
 /// use multiscopic_core::Fusion;
@@ -25,6 +25,8 @@ pub struct Profile {
     pub name: &'static str,
     /// The most RAM in bytes, statics and greatest stack together, frames excluded but for the network.
     pub ram_budget: usize,
+    /// The most flash in bytes, for any fusion rule: code and constants, with packets and what the firmware of this project has besides.
+    pub flash_budget: usize,
     size: MatchSize,
     method: Method,
 }
@@ -47,24 +49,25 @@ enum Method {
 }
 
 /// A small frame and its horizontal neighbours.
-pub const QQVGA: Profile = Profile::whole("qqvga", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 7) }, 20);
+pub const QQVGA: Profile =
+    Profile::whole("qqvga", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 7) }, [20, 48]);
 /// A medium frame and all four neighbours, in one pass.
-pub const QVGA: Profile = Profile::whole("qvga", MatchSize::new(320, 240, 32, 11), 144);
+pub const QVGA: Profile = Profile::whole("qvga", MatchSize::new(320, 240, 32, 11), [144, 72]);
 /// The match of [`QVGA`] in column tiles.
-pub const QVGA_TILED: Profile = Profile::tiled("qvga-tiled", MatchSize::new(320, 240, 32, 11), 48);
+pub const QVGA_TILED: Profile = Profile::tiled("qvga-tiled", MatchSize::new(320, 240, 32, 11), [48, 72]);
 /// A large frame and all four neighbours, in one pass.
-pub const VGA: Profile = Profile::whole("vga", MatchSize::new(640, 480, 64, 11), 480);
+pub const VGA: Profile = Profile::whole("vga", MatchSize::new(640, 480, 64, 11), [480, 72]);
 /// The match of [`VGA`] in column tiles.
-pub const VGA_TILED: Profile = Profile::tiled("vga-tiled", MatchSize::new(640, 480, 64, 11), 96);
+pub const VGA_TILED: Profile = Profile::tiled("vga-tiled", MatchSize::new(640, 480, 64, 11), [96, 72]);
 /// The match of [`QQVGA`] by semi-global matching.
 pub const QQVGA_SGM: Profile =
-    Profile::semi_global("qqvga-sgm", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 5) }, 48);
+    Profile::semi_global("qqvga-sgm", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 5) }, [48, 80]);
 /// The match of [`QVGA`] by semi-global matching.
-pub const QVGA_SGM: Profile = Profile::semi_global("qvga-sgm", MatchSize::new(320, 240, 32, 5), 192);
+pub const QVGA_SGM: Profile = Profile::semi_global("qvga-sgm", MatchSize::new(320, 240, 32, 5), [192, 80]);
 /// A small frame and all eight neighbours in an array of three by three. Its firmware is built with the feature `array` of
 /// `multiscopic-core`.
 pub const QQVGA_3X3: Profile =
-    Profile::whole("qqvga-3x3", MatchSize { views: Views::ARRAY, ..MatchSize::new(160, 120, 16, 7) }, 100);
+    Profile::whole("qqvga-3x3", MatchSize { views: Views::ARRAY, ..MatchSize::new(160, 120, 16, 7) }, [100, 72]);
 /// A medium frame and its horizontal neighbours, and then the views at four baselines around their disparities.
 ///
 /// The disparities are not filtered in between, so they are those of the host's `match` without its median filter.
@@ -72,16 +75,16 @@ pub const QVGA_PRIOR: Profile = Profile::around_prior(
     "qvga-prior",
     MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(320, 240, 32, 11) },
     MatchSize { views: FOUR_BASELINES, min_disparity: -4, ..MatchSize::new(320, 240, 8, 11) },
-    144,
+    [144, 96],
 );
 
 /// The match of [`QVGA`] and its confidences.
-pub const QVGA_CONFIDENCE: Profile = QVGA.with_confidences("qvga-confidence", 156);
+pub const QVGA_CONFIDENCE: Profile = QVGA.with_confidences("qvga-confidence", [156, 96]);
 /// The match of [`QQVGA_SGM`] and its confidences.
-pub const QQVGA_SGM_CONFIDENCE: Profile = QQVGA_SGM.with_confidences("qqvga-sgm-confidence", 48);
+pub const QQVGA_SGM_CONFIDENCE: Profile = QQVGA_SGM.with_confidences("qqvga-sgm-confidence", [48, 96]);
 
 /// The match of [`QQVGA`] by the network, with its confidences. The budget holds the frames too.
-pub const QQVGA_NET: Profile = Profile::network("qqvga-net", QQVGA.size, 512);
+pub const QQVGA_NET: Profile = Profile::network("qqvga-net", QQVGA.size, [512, 320]);
 
 /// The views four baselines to the left and to the right.
 const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
@@ -113,18 +116,22 @@ pub const ALL: [Profile; 12] = [
 const RESERVE: usize = 6 * 1024;
 
 impl Profile {
+    /// A profile with budgets of RAM and flash in KiB.
+    const fn new(name: &'static str, size: MatchSize, method: Method, [ram_kib, flash_kib]: [usize; 2]) -> Profile {
+        Profile { name, ram_budget: 1024 * ram_kib, flash_budget: 1024 * flash_kib, size, method }
+    }
+
     /// Block matching in one pass over the whole frame.
-    const fn whole(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
-        Profile { name, ram_budget: 1024 * budget_kib, size, method: Method::Blocks { tile_width: size.width as usize } }
+    const fn whole(name: &'static str, size: MatchSize, budgets: [usize; 2]) -> Profile {
+        Profile::new(name, size, Method::Blocks { tile_width: size.width as usize }, budgets)
     }
 
     /// Block matching in the fewest column tiles of equal width that fit the budget.
-    const fn tiled(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
-        let whole = Profile::whole(name, size, budget_kib);
+    const fn tiled(name: &'static str, size: MatchSize, budgets: [usize; 2]) -> Profile {
         let mut tiles = 1;
         loop {
             let tile_width = (size.width as usize).div_ceil(tiles);
-            let profile = Profile { method: Method::Blocks { tile_width }, ..whole };
+            let profile = Profile::new(name, size, Method::Blocks { tile_width }, budgets);
             if profile.lengths().matcher.bytes() + RESERVE <= profile.ram_budget {
                 return profile;
             }
@@ -134,28 +141,28 @@ impl Profile {
     }
 
     /// Semi-global matching, with the sum of absolute differences as its cost.
-    const fn semi_global(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
-        Profile { name, ram_budget: 1024 * budget_kib, size, method: Method::SemiGlobal }
+    const fn semi_global(name: &'static str, size: MatchSize, budgets: [usize; 2]) -> Profile {
+        Profile::new(name, size, Method::SemiGlobal, budgets)
     }
 
     /// The network.
-    const fn network(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
-        Profile { name, ram_budget: 1024 * budget_kib, size, method: Method::Network }
+    const fn network(name: &'static str, size: MatchSize, budgets: [usize; 2]) -> Profile {
+        Profile::new(name, size, Method::Network, budgets)
     }
 
     /// Block matching in one pass, and with `long` around its disparities.
-    const fn around_prior(name: &'static str, short: MatchSize, long: MatchSize, budget_kib: usize) -> Profile {
-        Profile { name, ram_budget: 1024 * budget_kib, size: short, method: Method::AroundPrior { long } }
+    const fn around_prior(name: &'static str, short: MatchSize, long: MatchSize, budgets: [usize; 2]) -> Profile {
+        Profile::new(name, short, Method::AroundPrior { long }, budgets)
     }
 
     /// The same match in one pass, and its confidences.
-    const fn with_confidences(self, name: &'static str, budget_kib: usize) -> Profile {
+    const fn with_confidences(self, name: &'static str, budgets: [usize; 2]) -> Profile {
         let method = match self.method {
             Method::Blocks { .. } => Method::BlocksWithConfidences,
             Method::SemiGlobal => Method::SemiGlobalWithConfidences,
             _ => panic!("there are no confidences around a prior"),
         };
-        Profile { name, ram_budget: 1024 * budget_kib, method, ..self }
+        Profile::new(name, self.size, method, budgets)
     }
 
     /// True if it matches more than four views together, which needs the feature `array` of `multiscopic-core`.

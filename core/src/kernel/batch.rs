@@ -95,17 +95,6 @@ impl<L: Lane> Winners<L> {
     }
 }
 
-/// A loop over the views `k` of `V` that is always unrolled: the sums then stay in registers, as far as there are any.
-macro_rules! each_view {
-    ($k:ident, $body:block) => { each_view!($k, $body, 0 1 2 3 4 5 6 7) };
-    ($k:ident, $body:block, $($index:literal)+) => {
-        $(if const { $index < V } {
-            let $k = $index;
-            $body
-        })+
-    };
-}
-
 /// Neighbouring pixels of a line.
 #[derive(Debug)]
 pub(crate) struct Batch<'a, 'm, L: Lane, I: Blocks<L>, const V: usize> {

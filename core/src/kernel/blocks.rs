@@ -68,20 +68,7 @@ pub trait Blocks<L: Lane>: Isa {
     /// Moves the next column down by a line, and slides the block by that column.
     #[inline(always)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[Self::Costs; V]]) {
-        let Some(step) = steps.next() else { return };
-        let vectors = step.vectors.max(1);
-        let columns = step.entering.chunks_exact_mut(vectors).zip(step.leaving.chunks_exact(vectors));
-        for (k, ((column, leaving_column), view)) in columns.zip(step.views).enumerate() {
-            let samples = view.entering.iter().zip(view.leaving);
-            for (((sums, leaving_sums), block), (entering, leaving)) in
-                column.iter_mut().zip(leaving_column).zip(&mut *blocks).zip(samples)
-            {
-                let moved = self.advance(self.load_column(sums), step.center, Change { entering, leaving });
-                moved.store(sums);
-                let Some(block) = block.get_mut(k) else { return };
-                self.load_block(block).slide(moved, self.load_column(leaving_sums)).store(block);
-            }
-        }
+        slide_loop::<L, Self, V>(self, steps, blocks);
     }
 
     /// Fuses block sums, all views being available, and returns the least fused cost.
@@ -160,6 +147,29 @@ pub trait Blocks<L: Lane>: Isa {
 /// The properties of [`Blocks`] that unsafe code relies on.
 pub(super) const fn assert_costs<L: Lane, I: Blocks<L>>() {
     assert!(size_of::<I::Costs>() == I::LANES * size_of::<L>(), "costs are not one lane for each disparity");
+}
+
+/// Moves a column and slides the block vector by vector.
+#[inline(always)]
+pub(super) fn slide_loop<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    steps: &mut Steps<'_, I, V>,
+    blocks: &mut [[I::Costs; V]],
+) {
+    let Some(step) = steps.next() else { return };
+    let vectors = step.vectors.max(1);
+    let columns = step.entering.chunks_exact_mut(vectors).zip(step.leaving.chunks_exact(vectors));
+    for (k, ((column, leaving_column), view)) in columns.zip(step.views).enumerate() {
+        let samples = view.entering.iter().zip(view.leaving);
+        for (((sums, leaving_sums), block), (entering, leaving)) in
+            column.iter_mut().zip(leaving_column).zip(&mut *blocks).zip(samples)
+        {
+            let moved = isa.advance(isa.load_column(sums), step.center, Change { entering, leaving });
+            moved.store(sums);
+            let Some(block) = block.get_mut(k) else { return };
+            isa.load_block(block).slide(moved, isa.load_column(leaving_sums)).store(block);
+        }
+    }
 }
 
 /// Fuses vector by vector, and returns the least fused cost.

@@ -206,6 +206,12 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         self.vectors
     }
 
+    /// True if all sums are aligned to words, as in memory that a matcher is lent.
+    #[inline(always)]
+    pub(super) fn are_words(&self) -> bool {
+        self.sums.cast::<u32>().is_aligned() && self.empty_column.cast::<u32>().is_aligned()
+    }
+
     /// The sums of the column that enters at a step, and of the one that leaves.
     #[inline(always)]
     fn sums(&self, index: usize) -> (*mut I::Sums, *const I::Sums) {

@@ -146,3 +146,55 @@ impl<P: Params<SemiGlobalParams>> Params<BlockMatchingParams> for CostBlocks<P> 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{SearchConfig, View, Views};
+
+    const SEARCH: SearchConfig = SearchConfig::of_size(64, 48);
+
+    /// Fails the build where it is a constant.
+    #[test]
+    #[should_panic(expected = "`width` or `height` is 0")]
+    fn an_empty_frame_is_named() {
+        valid(SearchConfig { height: 0, ..SEARCH }.block_matching(7));
+    }
+
+    #[test]
+    #[should_panic(expected = "`views` is empty")]
+    fn no_views_are_named() {
+        valid(SearchConfig { views: Views::NONE, ..SEARCH }.block_matching(7));
+    }
+
+    #[test]
+    #[should_panic(expected = "`views` are too many")]
+    fn too_many_views_are_named() {
+        let views = Views::ARRAY.iter().chain(View::new(2, 0)).collect();
+        valid(SearchConfig { views, ..SEARCH }.block_matching(7));
+    }
+
+    #[test]
+    #[should_panic(expected = "odd and from 1 to 21")]
+    fn a_block_size_is_named() {
+        valid(SEARCH.block_matching(8));
+    }
+
+    #[test]
+    #[should_panic(expected = "for semi-global matching, from 1 to 11")]
+    fn a_block_size_of_paths_is_named() {
+        valid(SEARCH.semi_global(SemiGlobalCost::Sad { block_size: 13 }));
+    }
+
+    #[test]
+    #[should_panic(expected = "`num_disparities` is 0")]
+    fn no_disparities_are_named() {
+        valid(SearchConfig { num_disparities: 0, ..SEARCH }.checked());
+    }
+
+    #[test]
+    #[should_panic(expected = "all disparities are within -511..=511")]
+    fn a_range_is_named() {
+        valid(SearchConfig { min_disparity: 500, ..SEARCH }.checked());
+    }
+}

@@ -11,7 +11,7 @@
 //! | `entry_points` | the main function of the binaries |
 //!
 //! # Features
-//! `stm32f405`, `stm32h743`, `rp2350`, `rp2350-riscv`, `an547`: the board that the firmware is linked for, at most one.
+//! `rp2040`, `stm32f405`, `stm32h743`, `rp2350`, `rp2350-riscv`, `an547`: the board that the firmware is linked for, at most one.
 //! Without: the reference board of `memory.x`.
 //!
 //! `array`: for the profile `qqvga-3x3`, which matches more than four views together.

@@ -48,14 +48,16 @@ fn faulted(fault: Arguments<'_>) -> ! {
 mod cortex_m {
     #![expect(unsafe_code, reason = "a fault handler replaces the stack and reads a register of the processor")]
 
-    use core::arch::naked_asm;
-    use cortex_m::peripheral::SCB; // The crate also provides the critical section.
+    use core::{arch::naked_asm, ptr};
+    use cortex_m as _; // Provides the critical section.
 
     pub use cortex_m_rt::entry;
 
     use super::{faulted, overflowed};
 
-    /// The bits of the Configurable Fault Status Register for the stack: MSTKERR, STKERR and STKOF.
+    /// The Configurable Fault Status Register. A Cortex-M0+ has none, and reads 0 there.
+    const CFSR: *const u32 = ptr::without_provenance(0xe000_ed28);
+    /// Its bits for the stack: MSTKERR, STKERR and STKOF.
     const STACKING: u32 = 1 << 4 | 1 << 12 | 1 << 20;
 
     /// The greatest depth of the stack so far, in bytes. The runtime painted it before the program started.
@@ -74,13 +76,12 @@ mod cortex_m {
     #[unsafe(export_name = "HardFault")]
     #[unsafe(naked)]
     unsafe extern "C" fn hard_fault() -> ! {
-        naked_asm!("mov r0, sp", "ldr r1, =_stack_start", "mov sp, r1", "b {report}", report = sym report)
+        naked_asm!("mov r0, sp", "ldr r1, =_stack_start", "mov sp, r1", "bl {report}", report = sym report)
     }
 
     extern "C" fn report(stack_pointer: u32) -> ! {
-        // SAFETY: `SCB::PTR` is the address of the System Control Block on every Cortex-M, and reading CFSR has
-        // no side effect.
-        let status = unsafe { (*SCB::PTR).cfsr.read() };
+        // SAFETY: the address belongs to the System Control Block of every Cortex-M, and reading it has no side effect.
+        let status = unsafe { CFSR.read_volatile() };
         let stack = cortex_m_stack::stack();
         let (top, bottom) = (stack.start as u32, stack.end as u32);
         if status & STACKING != 0 || stack_pointer < bottom {

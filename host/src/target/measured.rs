@@ -40,52 +40,56 @@ pub struct FirmwareCostTable {
 pub struct FirmwareCosts {
     /// Bytes of statics beside the workspace: the state of the runtime and of the log.
     pub statics: usize,
-    /// Greatest depth of the stack in bytes with block matching of up to four views, over all profiles and fusion
-    /// rules, and a few bytes to spare, as in all of these.
-    pub stack: usize,
-    /// The same of more views.
-    pub array_stack: usize,
-    /// The same with block matching from short baselines to long ones.
-    pub prior_stack: usize,
-    /// The same with semi-global matching.
-    pub path_stack: usize,
-    /// The same with block matching and confidences.
-    pub confidence_stack: usize,
-    /// The same with semi-global matching and confidences.
-    pub path_confidence_stack: usize,
-    /// The same with the network.
-    pub network_stack: usize,
+    /// Greatest depth of the stack in bytes, and a few bytes to spare.
+    pub stack: BytesByMethod,
+    /// Bytes of flash: code and constants, also those of packets, of the log, and of the runtime of the emulated boards.
+    pub flash: BytesByMethod,
     /// The prices of the instruction model.
     pub prices: Prices,
 }
 
-impl FirmwareCosts {
-    /// The greatest depth of the stack in bytes.
-    pub fn stack_of(&self, matching: &Matching) -> usize {
-        match matching {
-            Matching::Blocks { params, .. } if params.views().len() > 4 => self.array_stack,
-            Matching::Blocks { .. } => self.stack,
-            Matching::AroundPrior { .. } => self.prior_stack,
-            Matching::SemiGlobal(_) => self.path_stack,
-            Matching::WithConfidences(WholeLines::Blocks(_)) => self.confidence_stack,
-            Matching::WithConfidences(WholeLines::SemiGlobal(_)) => self.path_confidence_stack,
-            Matching::Network(_) => self.network_stack,
-        }
+/// The most bytes that the firmware of any profile with a method takes, with any fusion rule.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BytesByMethod {
+    /// Block matching of up to four views.
+    pub blocks: usize,
+    /// Block matching of more views.
+    pub array: usize,
+    /// Block matching from short baselines to long ones.
+    pub prior: usize,
+    /// Semi-global matching.
+    pub paths: usize,
+    /// Block matching and confidences.
+    pub confidence: usize,
+    /// Semi-global matching and confidences.
+    pub path_confidence: usize,
+    /// The network.
+    pub network: usize,
+}
+
+impl BytesByMethod {
+    /// The bytes of the method of a match.
+    pub fn of(mut self, matching: &Matching) -> usize {
+        *self.of_mut(matching)
     }
 
-    /// Notes a depth of the stack that was measured, with some bytes to spare: the compiler spills a register more or
-    /// less from one build to the next.
-    pub fn note_stack(&mut self, matching: &Matching, bytes: usize) {
-        let noted = match matching {
-            Matching::Blocks { params, .. } if params.views().len() > 4 => &mut self.array_stack,
-            Matching::Blocks { .. } => &mut self.stack,
-            Matching::AroundPrior { .. } => &mut self.prior_stack,
-            Matching::SemiGlobal(_) => &mut self.path_stack,
-            Matching::WithConfidences(WholeLines::Blocks(_)) => &mut self.confidence_stack,
-            Matching::WithConfidences(WholeLines::SemiGlobal(_)) => &mut self.path_confidence_stack,
-            Matching::Network(_) => &mut self.network_stack,
-        };
-        *noted = (bytes + 32).next_multiple_of(64).max(*noted);
+    /// Notes bytes that were measured.
+    pub fn note(&mut self, matching: &Matching, bytes: usize) {
+        let noted = self.of_mut(matching);
+        *noted = bytes.max(*noted);
+    }
+
+    fn of_mut(&mut self, matching: &Matching) -> &mut usize {
+        match matching {
+            Matching::Blocks { params, .. } if params.views().len() > 4 => &mut self.array,
+            Matching::Blocks { .. } => &mut self.blocks,
+            Matching::AroundPrior { .. } => &mut self.prior,
+            Matching::SemiGlobal(_) => &mut self.paths,
+            Matching::WithConfidences(WholeLines::Blocks(_)) => &mut self.confidence,
+            Matching::WithConfidences(WholeLines::SemiGlobal(_)) => &mut self.path_confidence,
+            Matching::Network(_) => &mut self.network,
+        }
     }
 }
 
@@ -159,7 +163,7 @@ mod tests {
         for processor in Processor::ALL {
             let costs = MEASURED.of(processor);
             // 19 for up to four views, 6 for more, 9 around a prior.
-            assert!(costs.stack > 0 && costs.prices.candidates.len() == 34, "{}", processor.name());
+            assert!(costs.stack.blocks > 0 && costs.prices.candidates.len() == 34, "{}", processor.name());
             assert!((0.5..3.0).contains(&processor.cycles_per_instruction()), "{}", processor.name());
         }
     }

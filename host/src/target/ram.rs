@@ -31,7 +31,7 @@ impl Ram {
     /// For a match. The workspace is computed, the rest was measured.
     pub fn new(matching: &Matching, processor: Processor) -> Ram {
         let costs = processor.firmware_costs();
-        Ram { workspace: processor.lengths(matching), other_statics: costs.statics, stack: costs.stack_of(matching) }
+        Ram { workspace: processor.lengths(matching), other_statics: costs.statics, stack: costs.stack.of(matching) }
     }
 
     /// Bytes of all statics.

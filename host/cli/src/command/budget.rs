@@ -16,10 +16,10 @@ use super::{
     terminal,
 };
 
-/// Predicts what matching takes on a microcontroller: RAM by buffer, instructions, time
+/// Predicts what matching takes on a microcontroller: RAM by buffer, flash, instructions, time
 ///
 /// Buffer sizes are exact: the firmware allocates exactly these statics. The other statics and the maximum stack
-/// depth were measured.
+/// depth were measured, and so was flash: the most that a profile with the same method takes.
 ///
 /// Instructions come from a cost model fitted to measurements, within 10 % of the firmware in each profile. They
 /// include sending packets, but not fetching lines. With --fusion mean and blocks of 13 or 15, high-contrast images
@@ -30,7 +30,7 @@ use super::{
 /// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part. Arm publishes none for
 /// the M33, which is taken to be as slow as an M4. There are no prices for RISC-V.
 ///
-/// Exit code 1 if --ram or --fps is not met.
+/// Exit code 1 if --ram, --flash or --fps is not met.
 #[derive(Clone, Debug, Args)]
 pub struct Budget {
     /// Firmware profile
@@ -137,6 +137,9 @@ impl Budget {
             let (total, excess) = (prediction.ram_total, prediction.ram_total - limit);
             failures.push(format!("RAM: {total} bytes exceed --ram {limit} by {excess}{hint}"));
         }
+        if let Some(limit) = self.target.flash.filter(|limit| prediction.flash > *limit) {
+            failures.push(format!("flash: {} bytes exceed --flash {limit} by {}", prediction.flash, prediction.flash - limit));
+        }
         if let (Some(limit), Some(fps)) = (self.target.fps, prediction.fps)
             && fps < limit
         {
@@ -170,6 +173,10 @@ pub struct TargetOptions {
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     ram: Option<usize>,
 
+    /// Available flash, in bytes or as 64KiB: exit code 1 if the firmware takes more
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    flash: Option<usize>,
+
     /// Required frames per second: exit code 1 if matching is slower
     #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
     fps: Option<f64>,
@@ -179,7 +186,7 @@ impl TargetOptions {
     /// A processor as it is, without requirements.
     #[cfg(feature = "live")]
     pub fn of(core: Processor) -> TargetOptions {
-        TargetOptions { core, clock: None, cpi: None, ram: None, fps: None }
+        TargetOptions { core, clock: None, cpi: None, ram: None, flash: None, fps: None }
     }
 }
 
@@ -217,6 +224,8 @@ pub struct Prediction {
     stack_max: usize,
     /// Bytes of RAM in all.
     ram_total: usize,
+    /// The most bytes of flash that a profile with this method takes.
+    flash: usize,
     de: u64,
     /// `None`, as all that follows from it, if the model does not cover the match.
     instructions: Option<f64>,
@@ -278,6 +287,7 @@ impl Prediction {
             ram_static: ram.statics(),
             stack_max: ram.stack,
             ram_total: ram.bytes(),
+            flash: processor.firmware_costs().flash.of(matching),
             de: matching.evaluations(),
             instructions,
             instructions_per_de: instructions.map(|instructions| instructions / matching.evaluations() as f64),
@@ -318,6 +328,7 @@ impl fmt::Display for Prediction {
             "{:>12}  bytes of RAM in total, {frames} frames: {} statics, {} stack",
             self.ram_total, self.ram_static, self.stack_max
         )?;
+        writeln!(f, "{:>12}  bytes of flash at most, with constant parameters, packets and a log", self.flash)?;
         writeln!(f, "{:>12}  evaluations (DE: pixel x disparity x view)", self.de)?;
         match (self.instructions, self.instructions_per_de, self.seconds, self.fps) {
             (Some(instructions), Some(per_de), Some(seconds), Some(fps)) => {

@@ -134,8 +134,9 @@ const TESTS: [Step; 24] = [
 
 /// The tests that take one processor at a time: of the firmware in emulators, of the libraries as firmware depends on them, of
 /// cameras, and of the program in release.
-const BACKGROUND: [Step; 20] = [
+const BACKGROUND: [Step; 21] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
+    Step { name: "the core for each processor", scope: Test, run: static_checks::core_for_each_processor },
     Step { name: "lints for RISC-V", scope: All, run: static_checks::lints_for_risc_v },
     Step { name: "lints for the Pico 2", scope: All, run: || build::lint_pico2(&arm()?) },
     Step { name: "the firmware for the Pico 2", scope: All, run: || build::build_pico2(&arm()?) },

@@ -96,9 +96,22 @@ pub const RISC_V: EmulatedBoard = EmulatedBoard {
     ram: PICO.ram,
 };
 
+/// The board with the memory of a Raspberry Pi Pico and a processor without the DSP extension, for which there is no kernel but the
+/// portable one. The emulated machine has a Cortex-M3, which runs the instructions of a Cortex-M0+ too.
+pub const SMALL: EmulatedBoard = EmulatedBoard {
+    name: "rp2040",
+    core: "Cortex-M0+",
+    processor: None,
+    feature: Some("rp2040"),
+    target: "thumbv6m-none-eabi",
+    machine: "mps2-an385",
+    ..REFERENCE
+};
+
 /// Every board with an Arm processor.
-pub const ARM: [EmulatedBoard; 5] = [
+pub const ARM: [EmulatedBoard; 6] = [
     REFERENCE,
+    SMALL,
     EmulatedBoard { name: "stm32f405", feature: Some("stm32f405"), machine: "netduinoplus2", ram: 128 * 1024, ..REFERENCE },
     M7,
     PICO,

@@ -1,6 +1,6 @@
 //! Checks that run no test: formatting, architecture, lints, documentation, and the features of what builds depend on.
 
-use anyhow::{Result, anyhow, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use std::{
     collections::{BTreeMap, BTreeSet},
     process::Command,
@@ -78,10 +78,35 @@ pub fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
     )
 }
 
+/// The processors that the core is compiled for: their targets, and the compiler's flags. A Cortex-M23 runs the instructions of a
+/// Cortex-M0+ too, and rustup has no library for its own target on every server.
+const CORES: [(&str, &str, &str); 10] = [
+    ("Cortex-M0+", "thumbv6m-none-eabi", ""),
+    ("Cortex-M23", "thumbv6m-none-eabi", "-Ctarget-cpu=cortex-m23"),
+    ("Cortex-M3", "thumbv7m-none-eabi", ""),
+    ("Cortex-M4 and M7", "thumbv7em-none-eabihf", ""),
+    ("Cortex-M33 without DSP", "thumbv8m.main-none-eabihf", ""),
+    ("Cortex-M33", "thumbv8m.main-none-eabihf", "-Ctarget-cpu=cortex-m33"),
+    ("Cortex-M55", "thumbv8m.main-none-eabihf", "-Ctarget-cpu=cortex-m55"),
+    ("Cortex-M85", "thumbv8m.main-none-eabihf", "-Ctarget-cpu=cortex-m85"),
+    ("RV32IMC", "riscv32imc-unknown-none-elf", ""),
+    ("RV32IMAC", "riscv32imac-unknown-none-elf", ""),
+];
+
+/// Compiles the core for every processor, with the kernel that each gets.
+pub fn core_for_each_processor() -> Result<()> {
+    for (core, target, flags) in CORES {
+        let mut check = Toolchain::install(&[target])?.cargo("check");
+        check.args(["--package", "multiscopic-core", "--target", target]).env("RUSTFLAGS", format!("-Dwarnings {flags}"));
+        run(&mut check).with_context(|| format!("the core for a {core}"))?;
+    }
+    Ok(())
+}
+
 /// The profile that `test` builds firmware with, which then needs no other macros and build scripts than the lints.
 const AS_FIRMWARE: [&str; 2] = ["--profile", "firmware"];
 
-/// Lints the libraries and the firmware for Arm. No code depends on which of the targets it is built for.
+/// Lints the libraries and the firmware for Arm, and the kernel that only a processor with vectors has.
 pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     DistortedSet::render()?.write(&system::flash_set())?;
     write_calibrations(0, &[])?;
@@ -100,7 +125,11 @@ pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
         run(clippy.args(arguments).args(["--", "-Dwarnings"]))
     };
     clippy(&libraries.each_ref().map(String::as_str))?;
-    clippy(&firmware)
+    clippy(&firmware)?;
+    let EmulatedBoard { target, rustflags, .. } = &emulated_board::VECTORS;
+    let mut vectors = toolchain.cargo("clippy");
+    vectors.args(AS_FIRMWARE).args(["--target", target, "--lib", "--package=multiscopic-core"]).env("RUSTFLAGS", rustflags);
+    run(vectors.args(["--", "-Dwarnings"]))
 }
 
 /// Lints the firmware for RISC-V.

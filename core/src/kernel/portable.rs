@@ -406,7 +406,8 @@ mod tests {
             // Now and then sums that saturate.
             let most = if trial % 4 == 0 { u16::MAX } else { 30_000 };
             let blocks = [(); 3].map(|()| [(); VIEWS].map(|()| [(); 8].map(|()| number() as u16 % most)));
-            let masks = [(); 3].map(|()| [(); VIEWS].map(|()| [(); 8].map(|()| if number() % 3 == 0 { u16::MAX } else { 0 })));
+            let masks =
+                [(); 3].map(|()| [(); VIEWS].map(|()| [(); 8].map(|()| if number().is_multiple_of(3) { u16::MAX } else { 0 })));
             for rule in [Rule::Min, Rule::Sum, Rule::Heuristic] {
                 let (mut found, mut expected) = ([[0; 8]; 3], [[0; 8]; 3]);
                 let least = fuse_lanes::<_, 8, VIEWS, false>(rule, &blocks, &[], &mut found);

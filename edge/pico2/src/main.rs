@@ -39,7 +39,7 @@ use multiscopic_drivers::{
 use panic_probe as _; // Logs the panic and stops. The watchdog then restarts the chip.
 use static_cell::ConstStaticCell;
 
-use mechanics::{AXIS, BASELINE_UM, CONFIGURATION, LENGTHS, PARAMS, PULSE_NS};
+use mechanics::{AXIS, BASELINE_UM, CONFIGURATION, LENGTHS, Match, PULSE_NS};
 use pixel_port::{PixelPins, PixelPort};
 use rig::{MatchBuffers, Rig};
 
@@ -53,7 +53,7 @@ bind_interrupts!(struct Interrupts {
 const LINE_BUFFERS: usize = 6;
 const COLUMNS: usize = CONFIGURATION.size.columns();
 /// The centre and the views. All are stored, since each column tile reads all of them.
-const FRAME_BYTES: usize = (1 + PARAMS.views().len()) * PARAMS.width() * PARAMS.height();
+const FRAME_BYTES: usize = (1 + Match::PARAMS.views().len()) * Match::PARAMS.width() * Match::PARAMS.height();
 
 static FRAMES: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRAME_BYTES]);
 static MEMORY: ConstStaticCell<[u32; LENGTHS.matcher.words()]> = ConstStaticCell::new([0; LENGTHS.matcher.words()]);
@@ -107,8 +107,8 @@ fn main() -> ! {
 
     let bus = i2c::Config::default();
     let bus = I2c::new_blocking(peripherals.I2C0, peripherals.PIN_13, peripherals.PIN_12, bus);
-    let store = FrameMemory::new(&PARAMS, FRAMES.take());
-    let plan = Plan::new(PARAMS.views(), BASELINE_UM);
+    let store = FrameMemory::new(&Match::PARAMS, FRAMES.take());
+    let plan = Plan::new(Match::PARAMS.views(), BASELINE_UM);
     let x = axis_pins(peripherals.PIN_14, peripherals.PIN_15, peripherals.PIN_16, peripherals.PIN_17);
     let y = axis_pins(peripherals.PIN_18, peripherals.PIN_19, peripherals.PIN_20, peripherals.PIN_22);
     let stage = Stepper::new([AXIS, AXIS], x, y, PULSE_NS, Delay);

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use embedded_hal::digital::PinState;
-use multiscopic_core::{BlockMatchingParams, SearchConfig, capture::Policy, kernel::Dsp};
+use multiscopic_core::{BlockMatchingParams, SearchConfig, capture::Policy, params};
 use multiscopic_drivers::{
     hm01b0::{Configuration, Size},
     stepper::Axis,
@@ -48,12 +48,11 @@ pub const CONFIGURATION: Configuration = Configuration { stream_last: false, ..C
 const SIZE: Size = CONFIGURATION.size;
 const SEARCH: SearchConfig =
     SearchConfig { num_disparities: 32, ..SearchConfig::of_size(SIZE.width() as u16, SIZE.height() as u16) };
-/// The match of the profile `qvga`: four views, 32 disparities, blocks of 11x11 pixels.
-pub const PARAMS: BlockMatchingParams = match SEARCH.block_matching(11) {
-    Ok(params) => params,
-    Err(_) => panic!("the parameters are out of range: see SearchConfig"),
-};
+params!(
+    /// The match of the profile `qvga`: four views, 32 disparities, blocks of 11x11 pixels. Its code alone is linked.
+    pub Match: BlockMatchingParams = SEARCH.block_matching(11)
+);
 /// Columns that are matched in one pass. All 320 at once would not fit beside five frames.
 pub const TILE_WIDTH: usize = 160;
 /// The memory of the match.
-pub const LENGTHS: Lengths = Matching::Blocks { params: PARAMS, tile_width: TILE_WIDTH }.lengths::<Dsp>();
+pub const LENGTHS: Lengths = Matching::Blocks { params: Match::PARAMS, tile_width: TILE_WIDTH }.lengths();

@@ -12,7 +12,7 @@ use embedded_io::Write;
 use multiscopic_core::{
     Disparity, MatchError, Matcher, MemoryTooSmall, Region,
     capture::{CaptureError, CaptureProgress, Plan, Sequence, Stage},
-    kernel::Dsp,
+    kernel::Native,
 };
 use multiscopic_drivers::{
     hm01b0::{FrameMemory, Hm01b0, Hm01b0Error, LineReceiver, NoRoom},
@@ -21,7 +21,7 @@ use multiscopic_drivers::{
 use multiscopic_edge::packet::{BufferTooSmall, Sender};
 
 use crate::{
-    mechanics::{HOMING_TIMEOUT, PARAMS, POLICY, TILE_WIDTH},
+    mechanics::{HOMING_TIMEOUT, Match, POLICY, TILE_WIDTH},
     packet_port::{self, PacketPort, PortError},
 };
 
@@ -132,9 +132,9 @@ impl Rig {
     /// Matches the frames, column tile by column tile, and sends each line as soon as it is known.
     fn match_and_send(&mut self) -> Result<(), Failure> {
         let MatchBuffers { memory, line, packet } = &mut self.buffers;
-        let mut sender = Sender::new(PARAMS.search(), packet);
-        for tile in Region::tiles(PARAMS.search(), TILE_WIDTH) {
-            let mut matcher = Matcher::with_isa(Dsp, &PARAMS, &tile, memory).map_err(Failure::Memory)?;
+        let mut sender = Sender::new(Match::PARAMS.search(), packet);
+        for tile in Region::tiles(Match::PARAMS.search(), TILE_WIDTH) {
+            let mut matcher = Matcher::with_isa(Native::default(), &Match, &tile, memory).map_err(Failure::Memory)?;
             let line = &mut line[..tile.width()];
             while let Some(v) = matcher.next_line(self.camera.store(), line).map_err(Failure::Match)? {
                 let packet = sender.line(&tile, v, line).map_err(Failure::Packet)?;

@@ -135,7 +135,7 @@ fn receive(step: Receive, receiver: &mut LineReceiver<'_, '_>, model: &mut Model
         }
         Receive::Next => {
             let next = receiver.next().map(|arrival| match arrival {
-                Arrival::Line { number, pixels } => {
+                Arrival::Line { number, pixels, .. } => {
                     let (frame, filled) = origin(pixels);
                     assert_eq!(filled, number);
                     Sent::Line { frame, number, buffer: pixels.as_ptr() }
@@ -159,7 +159,7 @@ fn assert_all_buffers_return(sender: &mut LineSender<'_, '_>, receiver: &mut Lin
     }
     assert_eq!(sender.buffer(), None);
     for number in 0..BUFFERS {
-        assert_eq!(receiver.next(), Some(Arrival::Line { number, pixels: &pixels(1, number) }));
+        assert_eq!(receiver.next(), Some(Arrival::Line { number, pixels: &pixels(1, number), sent: PIXELS }));
     }
     assert_eq!(receiver.next(), None);
 }
@@ -225,7 +225,7 @@ fn both_sides_work_at_once() {
                 // At least one line arrives: after 256 restarts during one frame, the queue would take it for a new one.
                 while polls > 0 || last.1 == usize::MAX {
                     match receiver.next() {
-                        Some(Arrival::Line { number, pixels }) => {
+                        Some(Arrival::Line { number, pixels, .. }) => {
                             let (frame, filled) = origin(pixels);
                             assert!((frame, filled) > last, "line {filled} of frame {frame} after {last:?}");
                             assert_eq!(filled, number);

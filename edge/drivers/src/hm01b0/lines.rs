@@ -22,8 +22,10 @@ pub enum Arrival<'a> {
     Line {
         /// Its number in the frame, from 0. Lost lines count.
         number: usize,
-        /// Its pixels.
+        /// Its pixels, as many as its buffer holds.
         pixels: &'a [u8],
+        /// The number of pixels that the sensor sent.
+        sent: usize,
     },
     /// The end of the frame.
     End {
@@ -58,7 +60,7 @@ pub enum Arrival<'a> {
 /// sender.end_line(324);
 /// sender.end_frame();
 /// // The program again.
-/// assert_eq!(receiver.next(), Some(Arrival::Line { number: 0, pixels: &[7; 324] }));
+/// assert_eq!(receiver.next(), Some(Arrival::Line { number: 0, pixels: &[7; 324], sent: 324 }));
 /// assert_eq!(receiver.next(), Some(Arrival::End { lines: 1 }));
 /// assert_eq!(receiver.next(), None);
 /// ```
@@ -133,7 +135,8 @@ impl LineSender<'_, '_> {
         self.buffer.as_deref_mut()
     }
 
-    /// Notes the end of a line of `pixels` pixels, and sends the buffer if there was one.
+    /// Notes the end of a line of `pixels` pixels, and sends the buffer if there was one. The receiver reports a line that is too
+    /// short or too long, also one that is longer than its buffer.
     pub fn end_line(&mut self, pixels: usize) {
         if let Some(buffer) = self.buffer.take() {
             let line = Parcel::Line { frame: self.frame, number: self.number, pixels, buffer };
@@ -184,8 +187,8 @@ impl PixelBus for LineReceiver<'_, '_> {
                 Parcel::Line { frame, number, pixels, buffer } => {
                     let buffer: &mut [u8] = self.held.insert(buffer);
                     if frame == self.frame {
-                        let pixels = pixels.min(buffer.len());
-                        return Some(Arrival::Line { number, pixels: self.held.as_deref()?.get(..pixels)? });
+                        let held = pixels.min(buffer.len());
+                        return Some(Arrival::Line { number, pixels: self.held.as_deref()?.get(..held)?, sent: pixels });
                     }
                     self.return_held();
                 }
@@ -247,7 +250,7 @@ impl Readout {
         let defect = match bus.next() {
             None => return Ok(None),
             Some(Arrival::Line { number, .. }) if number != self.next => FrameDefect::Lost { line: self.next },
-            Some(Arrival::Line { number, pixels }) if pixels.len() == size.columns() && number < size.lines() => {
+            Some(Arrival::Line { number, pixels, sent }) if is_whole(pixels, sent, size) && number < size.lines() => {
                 self.next += 1;
                 let rows = size.border()..size.border() + size.height();
                 let line = pixels.get(size.border()..size.border() + size.width());
@@ -256,7 +259,7 @@ impl Readout {
                     None => SensorOutput::Border,
                 }));
             }
-            Some(Arrival::Line { number, pixels }) => FrameDefect::Line { line: number, pixels: pixels.len() },
+            Some(Arrival::Line { number, sent, .. }) => FrameDefect::Line { line: number, pixels: sent },
             Some(Arrival::End { lines }) if lines != size.lines() => FrameDefect::Torn { lines },
             Some(Arrival::End { lines }) if lines != self.next => FrameDefect::Lost { line: self.next },
             Some(Arrival::End { .. }) => {
@@ -267,6 +270,11 @@ impl Readout {
         self.defect = Some(defect);
         Err(defect)
     }
+}
+
+/// True if a line is as long as the sensor's, and its buffer too.
+fn is_whole(pixels: &[u8], sent: usize, size: Size) -> bool {
+    [pixels.len(), sent] == [size.columns(); 2]
 }
 
 #[cfg(test)]
@@ -287,13 +295,13 @@ mod tests {
             receiver.restart();
             sender.begin_frame();
             assert!(send(&mut sender, 1) && send(&mut sender, 2) && !send(&mut sender, 3));
-            assert_eq!(receiver.next(), Some(Arrival::Line { number: 0, pixels: &[1; 3] }));
+            assert_eq!(receiver.next(), Some(Arrival::Line { number: 0, pixels: &[1; 3], sent: 3 }));
             assert!(!send(&mut sender, 4), "the program still holds the line");
-            assert_eq!(receiver.next(), Some(Arrival::Line { number: 1, pixels: &[2; 3] }));
+            assert_eq!(receiver.next(), Some(Arrival::Line { number: 1, pixels: &[2; 3], sent: 3 }));
             assert_eq!(receiver.next(), None);
             assert!(send(&mut sender, 5));
             sender.end_frame();
-            assert_eq!(receiver.next(), Some(Arrival::Line { number: 4, pixels: &[5; 3] }));
+            assert_eq!(receiver.next(), Some(Arrival::Line { number: 4, pixels: &[5; 3], sent: 3 }));
             assert_eq!(receiver.next(), Some(Arrival::End { lines: 5 }));
         }
     }
@@ -311,7 +319,7 @@ mod tests {
         assert_eq!(receiver.next(), None);
         sender.begin_frame();
         assert!(send(&mut sender, 3));
-        assert_eq!(receiver.next(), Some(Arrival::Line { number: 0, pixels: &[3; 3] }));
+        assert_eq!(receiver.next(), Some(Arrival::Line { number: 0, pixels: &[3; 3], sent: 3 }));
     }
 
     #[test]
@@ -324,7 +332,21 @@ mod tests {
             assert!(sender.buffer().is_some());
             sender.end_line(pixels);
         }
-        assert_eq!(receiver.next(), Some(Arrival::Line { number: 0, pixels: &[0; 2] }));
-        assert_eq!(receiver.next(), Some(Arrival::Line { number: 1, pixels: &[0; 3] }));
+        assert_eq!(receiver.next(), Some(Arrival::Line { number: 0, pixels: &[0; 2], sent: 2 }));
+        assert_eq!(receiver.next(), Some(Arrival::Line { number: 1, pixels: &[0; 3], sent: 4 }));
+    }
+
+    #[test]
+    fn a_line_longer_than_its_buffer_is_a_defect() {
+        for pixels in [161, 162, 163] {
+            let (mut buffers, mut queue) = ([[0; 162]; 1], LineQueue::<3>::new());
+            let (mut sender, mut receiver) = queue.split(buffers.iter_mut().map(|buffer| &mut buffer[..]));
+            receiver.restart();
+            sender.begin_frame();
+            assert!(sender.buffer().is_some());
+            sender.end_line(pixels);
+            let received = Readout::new(Frame::Center, false).receive(&mut receiver, Size::Qqvga).map(|_| ());
+            assert_eq!(received, if pixels == 162 { Ok(()) } else { Err(FrameDefect::Line { line: 0, pixels }) });
+        }
     }
 }

@@ -12,7 +12,8 @@ use multiscopic_core::{
     valid,
 };
 use multiscopic_drivers::hm01b0::{
-    Arrival, ClockDivider, Configuration, FrameMemory, Gain, Hm01b0, Hm01b0Error, LineQueue, LineSender, NoRoom, PixelBus, Size,
+    Arrival, ClockDivider, Configuration, DataLines, FrameMemory, Gain, Hm01b0, Hm01b0Error, LineQueue, LineSender, NoRoom,
+    PixelBus, Size,
 };
 
 const SEARCH: SearchConfig =
@@ -42,11 +43,12 @@ fn begin_transactions() -> Vec<Transaction> {
     let settings = [
         (0x0100, 0),
         (0x3059, 0x02),
+        (0x3065, 0x04),
         (0x0383, 3),
         (0x0387, 3),
         (0x0390, 3),
         (0x3010, 1),
-        (0x3060, 0x08),
+        (0x3060, 0x28),
         (0x2100, 0),
         (0x0205, 0x20),
         (0x3020, 1),
@@ -115,11 +117,12 @@ fn a_qvga_frame_sets_its_own_registers() {
     let settings = [
         (0x0100, 0),
         (0x3059, 0x02),
+        (0x3065, 0x04),
         (0x0383, 1),
         (0x0387, 1),
         (0x0390, 0),
         (0x3010, 1),
-        (0x3060, 0x09),
+        (0x3060, 0x29),
         (0x2100, 0),
         (0x0205, 0),
         (0x3020, 1),
@@ -137,6 +140,26 @@ fn a_qvga_frame_sets_its_own_registers() {
     let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), SilentBus, FrameMemory::new(&PARAMS, &mut []), settings, plan());
     assert_eq!(camera.begin(), Ok(()));
     i2c.done();
+}
+
+#[test]
+fn a_bus_of_fewer_lines_is_set_and_limits_the_clock() {
+    let eight = Configuration { clock: ClockDivider::By1, ..configuration() };
+    for (data_lines, bus, clock) in [(DataLines::Eight, 0x02, 0x2b), (DataLines::Four, 0x42, 0x3a), (DataLines::One, 0x22, 0x38)]
+    {
+        let mut expected = begin_transactions();
+        let registers = [(0x3059, 0x02, bus), (0x3060, 0x28, clock)];
+        for (register, old, new) in registers {
+            let place = expected.iter().position(|transaction| *transaction == write(register, old)).unwrap();
+            expected[place] = write(register, new);
+        }
+        let mut i2c = Mock::new(&expected);
+        let settings = Configuration { data_lines, ..eight };
+        let mut camera =
+            Hm01b0::new(i2c.clone(), NoopDelay::new(), SilentBus, FrameMemory::new(&PARAMS, &mut []), settings, plan());
+        assert_eq!(camera.begin(), Ok(()));
+        i2c.done();
+    }
 }
 
 #[test]
@@ -320,7 +343,7 @@ fn damaged_frames_are_reported() {
             }
             assert_eq!(camera.is_complete(), Err(Hm01b0Error::Lost { line: 6 }));
         });
-        // A frame that ends early, and a line that is too short.
+        // A frame that ends early, and lines that are too short and too long.
         assert_defect(
             index,
             |sender| {
@@ -330,6 +353,7 @@ fn damaged_frames_are_reported() {
             Hm01b0Error::Torn { lines: 3 },
         );
         assert_defect(index, |sender| send(sender, 0, 0, 161), Hm01b0Error::Line { line: 0, pixels: 161 });
+        assert_defect(index, |sender| send(sender, 0, 0, 163), Hm01b0Error::Line { line: 0, pixels: 163 });
     }
 }
 

@@ -1,6 +1,6 @@
 //! A camera with the sensor HM01B0 of Himax, a low-power sensor of 324x244 grey pixels.
 //!
-//! The sensor is configured over I2C and sends its pixels over a parallel bus of 8 bits. An interrupt, or a
+//! The sensor is configured over I2C and sends its pixels over a parallel bus of 8, 4 or 1 bits. An interrupt, or a
 //! DMA transfer that it starts, puts the lines into a [`LineQueue`]. The camera takes them from there and
 //! writes them to a [`FrameStore`]. The last frame of a plan need not be stored: the matcher can take its
 //! lines during readout.
@@ -50,7 +50,7 @@ mod lines;
 mod sensor;
 
 pub use lines::{Arrival, LineQueue, LineReceiver, LineSender, PixelBus};
-pub use sensor::{ClockDivider, Configuration, Gain, Size};
+pub use sensor::{ClockDivider, Configuration, DataLines, Gain, Size};
 
 use core::{error, fmt};
 use embedded_hal::{

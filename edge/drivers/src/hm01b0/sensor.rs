@@ -5,11 +5,13 @@ use embedded_hal::i2c::{Error, ErrorKind, I2c};
 /// The settings for frames. They stay fixed for a whole sequence, so that all its frames are exposed alike.
 ///
 /// ```
-/// use multiscopic_drivers::hm01b0::{ClockDivider, Configuration, Gain, Size};
+/// use multiscopic_drivers::hm01b0::{ClockDivider, Configuration, DataLines, Gain, Size};
 /// const CONFIGURATION: Configuration =
 ///     Configuration { exposure_lines: 120, gain: Gain::X2, ..Configuration::new(Size::Qvga) };
 /// // A master clock of 12 MHz, divided by 4: 125 us a line, 15 ms of exposure.
 /// assert_eq!((CONFIGURATION.clock, CONFIGURATION.line_clocks), (ClockDivider::By4, 376));
+/// // The pixel bus has eight data lines, and a clock of 3 MHz.
+/// assert_eq!((CONFIGURATION.data_lines, CONFIGURATION.data_lines.clocks()), (DataLines::Eight, 1));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Configuration {
@@ -19,7 +21,9 @@ pub struct Configuration {
     pub exposure_lines: u16,
     /// The analogue gain.
     pub gain: Gain,
-    /// The divider of the sensor's master clock.
+    /// The data lines of the pixel bus.
+    pub data_lines: DataLines,
+    /// The divider of the sensor's master clock, raised to what the [data lines](DataLines) allow.
     pub clock: ClockDivider,
     /// The line time in cycles of the divided clock, raised to [`Size::least_line_clocks`]. Longer lines give
     /// the program more time to match a frame during readout.
@@ -29,13 +33,14 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// The fastest readout at a quarter of the master clock. Half a frame of exposure, no gain, the last
-    /// frame streamed.
+    /// The fastest readout at a quarter of the master clock, over eight data lines. Half a frame of exposure, no gain,
+    /// the last frame streamed.
     pub const fn new(size: Size) -> Configuration {
         Configuration {
             size,
             exposure_lines: (size.lines() / 2) as u16,
             gain: Gain::X1,
+            data_lines: DataLines::Eight,
             clock: ClockDivider::By4,
             line_clocks: size.least_line_clocks(),
             stream_last: true,
@@ -49,14 +54,17 @@ impl Configuration {
             Size::Qvga => (1, 0),
             Size::Qqvga => (3, 3),
         };
+        let lines = self.data_lines;
+        let clock = 1 << 5 | lines.order() | 1 << 3 | (self.clock as u8).min(lines.least_divider() as u8);
         let bytes = [
             (Register::ModeSelect, Mode::Standby as u8),
-            (Register::BitControl, 2),
+            (Register::BitControl, lines.bit_control()),
+            (Register::OutputPins, 4),
             (Register::ReadoutX, readout),
             (Register::ReadoutY, readout),
             (Register::Binning, binning),
             (Register::QvgaWindow, 1),
-            (Register::ClockDivider, 1 << 3 | self.clock as u8),
+            (Register::ClockDivider, clock),
             (Register::AutoExposure, 0),
             (Register::AnalogGain, (self.gain as u8) << 4),
             (Register::FrameCount, 1),
@@ -165,6 +173,59 @@ pub enum ClockDivider {
     By1 = 3,
 }
 
+/// The data lines of the pixel bus. Modules rarely have all eight on their connector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DataLines {
+    /// D0 to D7: a pixel for each pixel clock.
+    Eight,
+    /// D0 to D3: the upper half of a pixel, then the lower half. The master clock is divided by 2 or more.
+    Four,
+    /// D0: the bits of a pixel, the highest first. The master clock is divided by 8.
+    One,
+}
+
+impl DataLines {
+    /// The number of lines.
+    pub const fn count(self) -> usize {
+        match self {
+            DataLines::Eight => 8,
+            DataLines::Four => 4,
+            DataLines::One => 1,
+        }
+    }
+
+    /// Pixel clocks for a pixel. The pixel clock is as many times the divided master clock.
+    pub const fn clocks(self) -> usize {
+        8 / self.count()
+    }
+
+    /// The least divider: the pixel clock is no faster than the master clock.
+    const fn least_divider(self) -> ClockDivider {
+        match self {
+            DataLines::Eight => ClockDivider::By1,
+            DataLines::Four => ClockDivider::By2,
+            DataLines::One => ClockDivider::By8,
+        }
+    }
+
+    /// The bit of [`Register::ClockDivider`] for the order of the bits of a pixel.
+    const fn order(self) -> u8 {
+        match self {
+            DataLines::Eight => 0,
+            DataLines::Four | DataLines::One => 1 << 4,
+        }
+    }
+
+    /// The value of [`Register::BitControl`].
+    const fn bit_control(self) -> u8 {
+        match self {
+            DataLines::Eight => 0x02,
+            DataLines::Four => 0x42,
+            DataLines::One => 0x22,
+        }
+    }
+}
+
 /// The I2C address of the sensor.
 const ADDRESS: u8 = 0x24;
 /// The model number of the sensor.
@@ -202,10 +263,14 @@ pub enum Register {
     QvgaWindow = 0x3010,
     /// The number of frames that [`Mode::Frames`] takes.
     FrameCount = 0x3020,
-    /// The width of the pixel bus; 2 is eight bits.
+    /// The width of the pixel bus. Bit 6: four lines; bit 5: one line; 2 in the others.
     BitControl = 0x3059,
-    /// Bits 1..0: the divider of the master clock, from 8 for 0 to 1 for 3. Bit 3 must be set.
+    /// Bit 5: the pixel clock is gated, so that it runs for pixels alone. Bit 4: the highest bits of a pixel come first. Bits
+    /// 3..2: the divider of the clock of the registers, 2 for none. Bits 1..0: the divider of the master clock, from 8 for 0 to
+    /// 1 for 3.
     ClockDivider = 0x3060,
+    /// The state of the output pins. 4, "pad pull 0", is what the vendor's settings have.
+    OutputPins = 0x3065,
 }
 
 /// The operating mode of the sensor.

@@ -14,7 +14,6 @@ use embassy_time::{Duration, Instant};
 use embassy_usb::{
     Builder, Config,
     class::cdc_acm::{CdcAcmClass, ControlChanged, Sender, State},
-    driver::EndpointError,
 };
 use embedded_io::{Error, ErrorKind, ErrorType, Write};
 
@@ -30,6 +29,8 @@ const STALL: Duration = Duration::from_secs(1);
 static PIPE: Pipe<CriticalSectionRawMutex, PIPE_BYTES> = Pipe::new();
 /// True if a program on the host has the port open.
 static IS_OPEN: AtomicBool = AtomicBool::new(false);
+/// True if bytes that have left the pipe are not sent yet.
+static IS_SENDING: AtomicBool = AtomicBool::new(false);
 
 type UsbSender<'d> = Sender<'d, Driver<'d, USB>>;
 
@@ -57,25 +58,38 @@ async fn send_packets(mut sender: UsbSender<'_>, changes: ControlChanged<'_>) ->
             changes.control_changed().await;
         }
         PIPE.clear();
+        IS_SENDING.store(false, Ordering::Release);
         IS_OPEN.store(true, Ordering::Release);
         defmt::info!("the port is open");
-        while sender.dtr() {
-            match select(send_chunk(&mut sender), changes.control_changed()).await {
-                Either::First(Err(_)) => break,
-                Either::First(Ok(())) | Either::Second(()) => {}
-            }
-        }
+        send_until_closed(&mut sender, &changes).await;
         IS_OPEN.store(false, Ordering::Release);
         defmt::info!("the port is closed");
     }
 }
 
-/// Sends a USB packet from the pipe.
-async fn send_chunk(sender: &mut UsbSender<'_>) -> Result<(), EndpointError> {
+/// Sends the contents of the pipe until the port is closed.
+///
+/// A chunk is kept until it is sent. Whichever future `select` drops has done nothing yet: reading and sending are each done at
+/// once, when there are bytes and when there is room.
+async fn send_until_closed(sender: &mut UsbSender<'_>, changes: &ControlChanged<'_>) {
     // Shorter than a full packet, so that the host does not wait for more.
     let mut chunk = [0; USB_PACKET - 1];
-    let bytes = PIPE.read(&mut chunk).await;
-    sender.write_packet(&chunk[..bytes]).await
+    let mut bytes = 0;
+    while sender.dtr() {
+        if bytes == 0 {
+            if let Either::First(read) = select(PIPE.read(&mut chunk), changes.control_changed()).await {
+                bytes = read;
+            }
+        } else {
+            match select(sender.write_packet(&chunk[..bytes]), changes.control_changed()).await {
+                Either::First(Ok(())) => bytes = 0,
+                Either::First(Err(_)) => break,
+                Either::Second(()) => {}
+            }
+        }
+        // The program does not run between this and the reading.
+        IS_SENDING.store(bytes > 0, Ordering::Release);
+    }
 }
 
 /// True if a program on the host has the port open.
@@ -107,10 +121,10 @@ impl Write for PacketPort {
         }
     }
 
-    /// Waits until the pipe is empty.
+    /// Waits until USB has all bytes.
     fn flush(&mut self) -> Result<(), PortError> {
         let start = Instant::now();
-        while !PIPE.is_empty() {
+        while !PIPE.is_empty() || IS_SENDING.load(Ordering::Acquire) {
             if !is_open() {
                 return Err(PortError::Closed);
             }

@@ -6,13 +6,15 @@
 //! | module | what it is |
 //! | --- | --- |
 //! | `mechanics` | the slide, the camera's settings, and the match: what to change for another slide |
-//! | `pixel_port` | lines from the sensor's parallel port, by a state machine and DMA |
+//! | `pixel_port` | lines from the sensor's pixel bus, by a state machine (`lines.pio`) and DMA |
+//! | `line_format` | the bytes of those lines |
 //! | `packet_port` | the serial port on USB |
 //! | `software_interrupts` | the interrupts that receive lines and send packets beside the program |
 //! | `rig` | captures, matches and sends |
 #![no_std]
 #![no_main]
 
+mod line_format;
 mod mechanics;
 mod packet_port;
 mod pixel_port;
@@ -79,7 +81,7 @@ fn main() -> ! {
     let (sender, receiver) = QUEUE.take().split(LINES.take().iter_mut().map(|line| &mut line[..]));
     let pio::Pio { mut common, sm0, .. } = pio::Pio::new(peripherals.PIO0, Interrupts);
     let pins = PixelPins {
-        data: [
+        bus: [
             common.make_pio_pin(peripherals.PIN_0),
             common.make_pio_pin(peripherals.PIN_1),
             common.make_pio_pin(peripherals.PIN_2),
@@ -88,9 +90,9 @@ fn main() -> ! {
             common.make_pio_pin(peripherals.PIN_5),
             common.make_pio_pin(peripherals.PIN_6),
             common.make_pio_pin(peripherals.PIN_7),
+            common.make_pio_pin(peripherals.PIN_8),
+            common.make_pio_pin(peripherals.PIN_9),
         ],
-        pixel_clock: common.make_pio_pin(peripherals.PIN_8),
-        line_valid: common.make_pio_pin(peripherals.PIN_9),
         frame_valid: Input::new(peripherals.PIN_10, Pull::None),
     };
     let port = PixelPort::new(&mut common, sm0, pins, dma::Channel::new(peripherals.DMA_CH0, Interrupts));

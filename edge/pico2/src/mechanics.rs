@@ -4,7 +4,7 @@ use core::time::Duration;
 use embedded_hal::digital::PinState;
 use multiscopic_core::{BlockMatchingParams, SearchConfig, capture::Policy, params};
 use multiscopic_drivers::{
-    hm01b0::{Configuration, Size},
+    hm01b0::{Configuration, DataLines, Size},
     stepper::Axis,
 };
 use multiscopic_edge::{Lengths, Matching};
@@ -42,8 +42,9 @@ pub const POLICY: Policy = Policy {
 /// The longest time of homing.
 pub const HOMING_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Frames of 320x240 pixels at a pixel clock of 3 MHz: 31 ms each, of which 15 ms are exposure.
-pub const CONFIGURATION: Configuration = Configuration { stream_last: false, ..Configuration::new(Size::Qvga) };
+/// Frames of 320x240 pixels, 3 million a second: 31 ms each, of which 15 ms are exposure. The data lines are also in `lines.pio`.
+pub const CONFIGURATION: Configuration =
+    Configuration { data_lines: DataLines::Four, stream_last: false, ..Configuration::new(Size::Qvga) };
 
 const SIZE: Size = CONFIGURATION.size;
 const SEARCH: SearchConfig =

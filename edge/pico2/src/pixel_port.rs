@@ -1,24 +1,28 @@
-//! Lines from the sensor's parallel port: a state machine samples the pixels, and DMA puts them into line buffers.
+//! Lines from the sensor's pixel bus: a state machine samples the pixels, and DMA puts them into line buffers.
 
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::select;
 use embassy_rp::{
     dma::Channel,
-    gpio::Input,
+    gpio::{Input, Pull},
     peripherals::PIO0,
-    pio::{Common, Config, Direction, FifoJoin, Pin, ShiftConfig, ShiftDirection, StateMachine, program::pio_asm},
+    pio::{Common, Config, Direction, Pin, ShiftConfig, ShiftDirection, StateMachine, program::pio_file},
 };
+use embassy_time::{Duration, Timer};
 use multiscopic_drivers::hm01b0::LineSender;
 
-use crate::COLUMNS;
+use crate::{
+    COLUMNS,
+    line_format::{self, EXTRA, PINS},
+    mechanics::CONFIGURATION,
+};
 
-/// The sensor's port.
+/// Longer than a line takes.
+const LONGEST_LINE: Duration = Duration::from_millis(1);
+
+/// The sensor's port. Its pins have no pulls: resistors hold PCLKO, LVLD and FVLD low while the sensor does not drive them.
 pub struct PixelPins {
-    /// D0 to D7, on pins that follow each other.
-    pub data: [Pin<'static, PIO0>; 8],
-    /// PCLKO, on the pin after D7. A pixel is stable at its rising edge.
-    pub pixel_clock: Pin<'static, PIO0>,
-    /// LVLD, on the pin after that. It is high while a line is read out.
-    pub line_valid: Pin<'static, PIO0>,
+    /// PCLKO, LVLD and D0 to D7, on pins that follow each other.
+    pub bus: [Pin<'static, PIO0>; PINS],
     /// FVLD, high while a frame is read out.
     pub frame_valid: Input<'static>,
 }
@@ -26,6 +30,7 @@ pub struct PixelPins {
 /// The port with its state machine and its DMA channel.
 pub struct PixelPort {
     sampler: StateMachine<'static, PIO0, 0>,
+    config: Config<'static, PIO0>,
     channel: Channel<'static>,
     frame_valid: Input<'static>,
 }
@@ -35,54 +40,74 @@ impl PixelPort {
     pub fn new(
         common: &mut Common<'static, PIO0>,
         mut sampler: StateMachine<'static, PIO0, 0>,
-        pins: PixelPins,
+        mut pins: PixelPins,
         channel: Channel<'static>,
     ) -> PixelPort {
-        let data = pins.data.each_ref();
-        sampler.set_pin_dirs(Direction::In, &data);
-        sampler.set_pin_dirs(Direction::In, &[&pins.pixel_clock, &pins.line_valid]);
-        // Pins count from D0: 8 is the pixel clock, 9 says that there is a line.
-        let program = pio_asm!(".wrap_target", "wait 1 pin 9", "wait 1 pin 8", "in pins, 8", "wait 0 pin 8", ".wrap");
+        pins.bus.iter_mut().for_each(|pin| pin.set_pull(Pull::None));
+        let bus = pins.bus.each_ref();
+        sampler.set_pin_dirs(Direction::In, &bus);
+        let program = pio_file!("src/lines.pio");
+        let defines = &program.public_defines;
+        defmt::assert_eq!(
+            defines.DATA_LINES as usize,
+            CONFIGURATION.data_lines.count(),
+            "lines.pio and mechanics.rs differ in the data lines"
+        );
+        let mut program_in_memory = common.load_program(&program.program);
+        program_in_memory.origin = defines.start as u8;
         let mut config = Config::default();
-        config.use_program(&common.load_program(&program.program), &[]);
-        config.set_in_pins(&data);
-        // Each pixel is pushed by itself, since a line of an odd size has no whole number of words.
+        config.use_program(&program_in_memory, &[]);
+        // All of them: the state machine sees pins beyond these as low.
+        config.set_in_pins(&bus);
+        // Each byte is pushed by itself, since a line has no whole number of words.
         config.shift_in = ShiftConfig { threshold: 8, direction: ShiftDirection::Left, auto_fill: true };
-        config.fifo_join = FifoJoin::RxOnly;
-        sampler.set_config(&config);
-        sampler.set_enable(true);
-        PixelPort { sampler, channel, frame_valid: pins.frame_valid }
+        config.shift_out = ShiftConfig { threshold: 32, direction: ShiftDirection::Right, auto_fill: false };
+        let mut port = PixelPort { sampler, config, channel, frame_valid: pins.frame_valid };
+        port.restart();
+        port
     }
 
-    /// Puts the next line into `line`. Returns true unless the frame ended first.
-    async fn read_line(&mut self, line: &mut [u8]) -> bool {
-        let pixels = self.sampler.rx().dma_pull(&mut self.channel, line, false);
-        matches!(select(pixels, self.frame_valid.wait_for_low()).await, Either::First(()))
+    /// Sends the lines of a frame.
+    async fn receive_frame(&mut self, sender: &mut LineSender<'static, 'static>) {
+        let mut line = [0; COLUMNS + EXTRA];
+        // It waits before the frame begins, since its first line may begin with it.
+        let mut transfer = self.sampler.rx().dma_pull(&mut self.channel, &mut line, false);
+        self.frame_valid.wait_for_high().await;
+        sender.begin_frame();
+        loop {
+            let is_over = select(&mut transfer, self.frame_valid.wait_for_low()).await.is_second();
+            // The last line may end after the frame.
+            if is_over && select(&mut transfer, Timer::after(LONGEST_LINE)).await.is_second() {
+                break;
+            }
+            drop(transfer);
+            if let Some(buffer) = sender.buffer() {
+                buffer.copy_from_slice(&line[..COLUMNS]);
+            }
+            let has_stalled = self.sampler.rx().stalled();
+            sender.end_line(line_format::pixels(&line, COLUMNS, CONFIGURATION.data_lines, has_stalled));
+            transfer = self.sampler.rx().dma_pull(&mut self.channel, &mut line, false);
+        }
+        sender.end_frame();
     }
 
-    /// Drops what a torn frame may have left.
+    /// Drops what a torn frame may have left, and starts the program.
     fn restart(&mut self) {
         self.sampler.set_enable(false);
         self.sampler.clear_fifos();
         self.sampler.restart();
+        self.sampler.set_config(&self.config);
+        self.sampler.tx().push(line_format::last_clock(COLUMNS, CONFIGURATION.data_lines));
         self.sampler.set_enable(true);
     }
 }
 
-/// Sends the lines of all frames to the program.
-///
-/// A pixel that is lost shifts all that follow, so that the frame ends before its last line is full. The receiver then takes
-/// the frame again.
+/// Sends the lines of all frames to the program, each with the number of pixels that it came with. The receiver takes a frame
+/// again if a line is too short or too long, or if lines are missing.
 #[embassy_executor::task]
 pub async fn receive_lines(mut port: PixelPort, mut sender: LineSender<'static, 'static>) -> ! {
-    let mut dropped = [0; COLUMNS];
     loop {
-        port.frame_valid.wait_for_high().await;
-        sender.begin_frame();
-        while port.read_line(sender.buffer().unwrap_or(&mut dropped)).await {
-            sender.end_line(COLUMNS);
-        }
-        sender.end_frame();
+        port.receive_frame(&mut sender).await;
         port.restart();
     }
 }

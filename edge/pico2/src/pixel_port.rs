@@ -2,7 +2,7 @@
 
 use embassy_futures::select::select;
 use embassy_rp::{
-    dma::Channel,
+    dma::{Channel, Transfer},
     gpio::{Input, Pull},
     peripherals::PIO0,
     pio::{Common, Config, Direction, Pin, ShiftConfig, ShiftDirection, StateMachine, program::pio_file},
@@ -16,8 +16,10 @@ use crate::{
     mechanics::CONFIGURATION,
 };
 
-/// Longer than a line takes.
-const LONGEST_LINE: Duration = Duration::from_millis(1);
+/// The bytes of a sampled line.
+const LINE_BYTES: usize = COLUMNS + EXTRA;
+/// Longer than a line takes: a microsecond for each of its clocks, of which the sensor has at least 1.5 million a second.
+const LINE: Duration = Duration::from_micros(CONFIGURATION.line_clocks as u64);
 
 /// The sensor's port. Its pins have no pulls: resistors hold PCLKO, LVLD and FVLD low while the sensor does not drive them.
 pub struct PixelPins {
@@ -67,37 +69,43 @@ impl PixelPort {
         port
     }
 
+    /// Asks for a line. The transfer ends with it.
+    fn request<'a>(&'a mut self, line: &'a mut [u8; LINE_BYTES]) -> (Transfer<'a>, &'a mut Input<'static>) {
+        let (rx, tx) = self.sampler.rx_tx();
+        let transfer = rx.dma_pull(&mut self.channel, line, false);
+        tx.push(line_format::last_clock(COLUMNS, CONFIGURATION.data_lines));
+        (transfer, &mut self.frame_valid)
+    }
+
     /// Sends the lines of a frame.
     async fn receive_frame(&mut self, sender: &mut LineSender<'static, 'static>) {
-        let mut line = [0; COLUMNS + EXTRA];
-        // It waits before the frame begins, since its first line may begin with it.
-        let mut transfer = self.sampler.rx().dma_pull(&mut self.channel, &mut line, false);
-        self.frame_valid.wait_for_high().await;
+        let mut line = [0; LINE_BYTES];
+        // It is asked for before the frame begins, since it may begin with it.
+        let (mut transfer, mut frame_valid) = self.request(&mut line);
+        frame_valid.wait_for_high().await;
         sender.begin_frame();
         loop {
-            let is_over = select(&mut transfer, self.frame_valid.wait_for_low()).await.is_second();
+            let is_over = select(&mut transfer, frame_valid.wait_for_low()).await.is_second();
             // The last line may end after the frame.
-            if is_over && select(&mut transfer, Timer::after(LONGEST_LINE)).await.is_second() {
+            if is_over && select(&mut transfer, Timer::after(LINE)).await.is_second() {
                 break;
             }
             drop(transfer);
             if let Some(buffer) = sender.buffer() {
                 buffer.copy_from_slice(&line[..COLUMNS]);
             }
-            let has_stalled = self.sampler.rx().stalled();
-            sender.end_line(line_format::pixels(&line, COLUMNS, CONFIGURATION.data_lines, has_stalled));
-            transfer = self.sampler.rx().dma_pull(&mut self.channel, &mut line, false);
+            sender.end_line(line_format::pixels(&line, COLUMNS, CONFIGURATION.data_lines));
+            (transfer, frame_valid) = self.request(&mut line);
         }
         sender.end_frame();
     }
 
-    /// Drops what a torn frame may have left, and starts the program.
+    /// Drops the request of a line that did not come, and starts the program.
     fn restart(&mut self) {
         self.sampler.set_enable(false);
         self.sampler.clear_fifos();
         self.sampler.restart();
         self.sampler.set_config(&self.config);
-        self.sampler.tx().push(line_format::last_clock(COLUMNS, CONFIGURATION.data_lines));
         self.sampler.set_enable(true);
     }
 }

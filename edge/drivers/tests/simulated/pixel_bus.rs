@@ -31,8 +31,7 @@ pub struct PixelBus {
     pub period: i64,
     /// The time between lines.
     pub blanking: i64,
-    /// True if the clock runs for pixels alone.
-    pub is_gated: bool,
+    pub idle_clock: IdleClock,
     /// LVLD's changes at the start and at the end of a line, counted from the fall of the clock.
     pub rise: i64,
     pub fall: i64,
@@ -41,6 +40,17 @@ pub struct PixelBus {
     /// The time of the first edge.
     pub phase: i64,
     pub fault: Option<Fault>,
+}
+
+/// What the clock does between lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IdleClock {
+    /// It runs on.
+    Running,
+    /// It stays low until half a clock after the line begins.
+    Low,
+    /// It stays high after a line.
+    High,
 }
 
 /// A fault at a clock of a line.
@@ -107,7 +117,7 @@ impl PixelBus {
         };
         let clocks = self.columns * self.data_lines.clocks();
         let blank = (self.blanking / self.period) as usize;
-        let mut edges = Vec::new();
+        let mut edges = vec![(0, Edge::Clock(self.idle_clock == IdleClock::High))];
         for clock in 0..self.lines * (blank + clocks) + blank {
             let start = self.phase + clock as i64 * self.period;
             let (line, active) = (clock / (blank + clocks), (clock % (blank + clocks)).checked_sub(blank));
@@ -132,8 +142,12 @@ impl PixelBus {
                     pulse(&mut edges, self.period / 4, self.period / 2);
                     pulse(&mut edges, self.period * 3 / 4, self.period);
                 }
-                _ if active.is_some() || !self.is_gated => pulse(&mut edges, self.period / 2, self.period),
-                _ => {}
+                None | Some(FaultKind::InterruptedLine) => match self.idle_clock {
+                    IdleClock::Running => pulse(&mut edges, self.period / 2, self.period),
+                    IdleClock::Low if active.is_some() => pulse(&mut edges, self.period / 2, self.period),
+                    IdleClock::High if active.is_some() => pulse(&mut edges, self.period / 2, 0),
+                    IdleClock::Low | IdleClock::High => {}
+                },
             }
             if fault == Some(FaultKind::InterruptedLine) {
                 edges.push((start, Edge::LineValid(false)));

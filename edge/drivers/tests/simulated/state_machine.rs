@@ -23,11 +23,14 @@ enum Instruction {
     Jump(u32),
     /// Jumps if X is not zero, and decrements it in either case.
     JumpXDecrement(u32),
+    /// Jumps if Y is zero.
+    JumpYZero(u32),
     /// Waits for a level of an input pin.
     Wait(bool, u32),
     In(Place, u32),
     Out(Place, u32),
     Mov(Place, Place),
+    Set(Place, u32),
     PullBlock,
 }
 
@@ -89,10 +92,12 @@ impl Instruction {
         match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
             ["jmp", target] => Instruction::Jump(number(target)),
             ["jmp", "x--", target] => Instruction::JumpXDecrement(number(target)),
+            ["jmp", "!y", target] => Instruction::JumpYZero(number(target)),
             ["wait", level, "pin", pin] => Instruction::Wait(number(level) == 1, number(pin)),
             ["in", source, bits] => Instruction::In(place(source), number(bits)),
             ["out", target, bits] => Instruction::Out(place(target), number(bits)),
             ["mov", target, source] => Instruction::Mov(place(target), place(source)),
+            ["set", target, value] => Instruction::Set(place(target), number(value)),
             ["pull", "block"] => Instruction::PullBlock,
             _ => panic!("{words:?} is not modelled"),
         }
@@ -116,8 +121,6 @@ pub struct StateMachine<'p> {
     pub received: VecDeque<u32>,
     /// The words from there.
     pub sent: VecDeque<u32>,
-    /// True if it has waited because the words that it received were not taken. Whoever reads it resets it.
-    pub has_stalled: bool,
 }
 
 impl<'p> StateMachine<'p> {
@@ -135,7 +138,6 @@ impl<'p> StateMachine<'p> {
             synchronisers: [0; 2],
             received: VecDeque::new(),
             sent: VecDeque::new(),
-            has_stalled: false,
         }
     }
 
@@ -154,6 +156,11 @@ impl<'p> StateMachine<'p> {
                 }
                 self.x = self.x.wrapping_sub(1);
             }
+            Instruction::JumpYZero(target) => {
+                if self.y == 0 {
+                    next = target;
+                }
+            }
             Instruction::Wait(level, pin) => {
                 if (pins >> pin & 1 == 1) != level {
                     return;
@@ -162,7 +169,6 @@ impl<'p> StateMachine<'p> {
             Instruction::In(source, bits) => {
                 let is_full = self.isr_bits + bits >= PUSH_BITS;
                 if is_full && self.received.len() == QUEUE {
-                    self.has_stalled = true;
                     return;
                 }
                 self.isr = self.isr << bits | self.read(source, pins) & ((1 << bits) - 1);
@@ -181,6 +187,7 @@ impl<'p> StateMachine<'p> {
                 }
             }
             Instruction::Mov(target, source) => self.write(target, self.read(source, pins)),
+            Instruction::Set(target, value) => self.write(target, value),
             Instruction::PullBlock => match self.sent.pop_front() {
                 Some(word) => self.osr = word,
                 None => return,

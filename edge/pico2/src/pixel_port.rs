@@ -18,7 +18,7 @@ use crate::{
 
 /// The bytes of a sampled line.
 const LINE_BYTES: usize = COLUMNS + EXTRA;
-/// Longer than a line takes: a microsecond for each of its clocks, of which the sensor has at least 1.5 million a second.
+/// A time longer than a line's: a microsecond for each of its clocks, of which the sensor has at least 1.5 million a second.
 const LINE: Duration = Duration::from_micros(CONFIGURATION.line_clocks as u64);
 
 /// The sensor's port. Its pins have no pulls: resistors hold PCLKO, LVLD and FVLD low while the sensor does not drive them.

@@ -42,7 +42,7 @@ pub struct PixelBus {
     pub fault: Option<Fault>,
 }
 
-/// What the clock does between lines.
+/// The clock between lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IdleClock {
     /// It runs on.

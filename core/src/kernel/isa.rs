@@ -4,6 +4,17 @@ use core::fmt::Debug;
 
 use bytemuck::Pod;
 
+/// A loop over the views `k` of `V` that is always unrolled: what belongs to each then stays in registers, as far as there are any.
+macro_rules! each_view {
+    ($k:ident, $body:block) => { each_view!($k, $body, 0 1 2 3 4 5 6 7) };
+    ($k:ident, $body:block, $($index:literal)+) => {
+        $(if const { $index < V } {
+            let $k = $index;
+            $body
+        })+
+    };
+}
+
 /// The integer in a lane of block sums and costs: 16 bits where the largest block sum fits below
 /// [`Lane::MAX`], 32 bits otherwise.
 pub trait Lane: Copy + Ord + Default + Pod {

@@ -20,16 +20,9 @@
 //!
 //! [`Native`] is the one that the target is compiled for.
 
-/// A loop over the views `k` of `V` that is always unrolled: what belongs to each then stays in registers, as far as there are any.
-macro_rules! each_view {
-    ($k:ident, $body:block) => { each_view!($k, $body, 0 1 2 3 4 5 6 7) };
-    ($k:ident, $body:block, $($index:literal)+) => {
-        $(if const { $index < V } {
-            let $k = $index;
-            $body
-        })+
-    };
-}
+// First: modules see its macro only if it stands before them.
+#[macro_use]
+mod isa;
 
 #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
 mod aarch64;
@@ -38,7 +31,6 @@ mod arm;
 mod batch;
 mod blocks;
 mod bytes;
-mod isa;
 mod portable;
 mod rule;
 mod steps;

@@ -55,7 +55,7 @@ const QUICK: [&str; 10] = [
 ];
 
 /// The tests of the checked build: all but those of the program and of errors on real images.
-const CHECKED: [&str; 16] = [
+const CHECKED: [&str; 17] = [
     "--lib",
     "--bins",
     "--test=architecture",
@@ -66,6 +66,7 @@ const CHECKED: [&str; 16] = [
     "--test=matching",
     "--test=methods",
     "--test=outside_bytes",
+    "--test=pico2_lines",
     "--test=rectified_lines",
     "--test=seeds",
     "--test=simulation",

@@ -25,6 +25,7 @@ pub(crate) fn parts<T>(mut slice: &[T], length: usize) -> impl Iterator<Item = &
 }
 
 /// [`parts`] of memory that changes.
+#[cfg(feature = "network")]
 #[inline(always)]
 pub(crate) fn parts_mut<T>(mut slice: &mut [T], length: usize) -> impl Iterator<Item = &mut [T]> {
     iter::from_fn(move || {

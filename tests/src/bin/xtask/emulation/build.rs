@@ -196,8 +196,10 @@ fn measure(bytes: &[u8]) -> object::Result<Footprint> {
     Ok(footprint)
 }
 
-/// The manifest of the firmware for a Pico 2, in the workspace.
-pub const PICO2_MANIFEST: &str = "edge/pico2/Cargo.toml";
+/// The folder of the firmware for a Pico 2, a workspace of its own.
+pub const PICO2: &str = "edge/pico2";
+/// The folder to begin with, another one.
+pub const START: &str = "edge/start";
 
 /// The target of a Pico 2's processor.
 const PICO2_TARGET: &str = "thumbv8m.main-none-eabihf";
@@ -210,21 +212,28 @@ const PICO2_STACK: u64 = 16 * 1024;
 
 /// Lints the firmware for a Pico 2.
 pub fn lint_pico2(toolchain: &Toolchain) -> Result<()> {
-    run(pico2_cargo(toolchain, "clippy").args(["--", "-Dwarnings"]))
+    run(cargo_in(toolchain, PICO2, "clippy").args(["--", "-Dwarnings"]))
 }
 
 /// Links the firmware for a Pico 2 as its readme says, and fails if its statics leave too little RAM for the stack.
 pub fn build_pico2(toolchain: &Toolchain) -> Result<()> {
-    run(&mut pico2_cargo(toolchain, "build"))?;
+    run(&mut cargo_in(toolchain, PICO2, "build"))?;
     let footprint = Footprint::of(&system::edge_target().join(PICO2_TARGET).join("release/multiscopic-pico2"))?;
     ensure!(footprint.ram() + PICO2_STACK <= PICO2_RAM, "{footprint}: fewer than {PICO2_STACK} bytes are left for the stack");
     println!("pico2: {footprint}, {} B left for the stack", PICO2_RAM - footprint.ram());
     Ok(())
 }
 
-/// The cargo command `verb` in the folder of that firmware, whose configuration names the target and the processor.
-fn pico2_cargo(toolchain: &Toolchain, verb: &str) -> Command {
+/// Lints the firmware to begin with, and links it as who copies its folder does. Returns the image.
+pub fn build_start(toolchain: &Toolchain) -> Result<PathBuf> {
+    run(cargo_in(toolchain, START, "clippy").args(["--", "-Dwarnings"]))?;
+    run(&mut cargo_in(toolchain, START, "build"))?;
+    Ok(system::edge_target().join(emulated_board::REFERENCE.target).join("release/start"))
+}
+
+/// The cargo command `verb` in the folder of another workspace, whose configuration names the target and the processor.
+fn cargo_in(toolchain: &Toolchain, folder: &str, verb: &str) -> Command {
     let mut cargo = toolchain.cargo(verb);
-    cargo.args(["--release", "--locked"]).current_dir(system::root().join("edge/pico2"));
+    cargo.args(["--release", "--locked"]).current_dir(system::root().join(folder));
     cargo
 }

@@ -92,10 +92,12 @@ impl Drop for Running<'_> {
     }
 }
 
-/// Decodes `bytes`, the log of the firmware in `image`, into lines.
+/// Decodes `bytes`, the log of the firmware in `image`, into lines. Firmware without a table of messages has text there.
 fn decoded_log(image: &Path, bytes: &[u8]) -> Result<Vec<String>> {
     let elf = fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
-    let Some(table) = Table::parse(&elf)? else { return Ok(Vec::new()) };
+    let Some(table) = Table::parse(&elf)? else {
+        return Ok(String::from_utf8_lossy(bytes).lines().map(str::to_owned).collect());
+    };
     let mut decoder = table.new_stream_decoder();
     decoder.received(bytes);
     let mut lines = Vec::new();

@@ -53,6 +53,28 @@ pub fn kernels(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
+/// The firmware to begin with prints the map of its scene.
+pub fn start(toolchain: &Toolchain) -> Result<()> {
+    let image = build::build_start(toolchain)?;
+    let exit = emulation::run(&emulated_board::REFERENCE, &image, &[], &folder("start")?, None)?;
+    let lines: Vec<&str> = exit.output.lines().collect();
+    ensure!(exit.code == DONE && lines.len() == 15, "it ended with exit code {} and printed:\n{}", exit.code, exit.output);
+    for (v, line) in (4..).step_by(8).zip(lines) {
+        for (u, digit) in (2..).step_by(4).zip(line.chars()) {
+            // Blocks reach 3 pixels to each side. Beside the box and the frame's borders, no view or one sees what is there.
+            let is_inside = |reach: i32| (50 - reach..110 + reach).contains(&u) && (30 - reach..90 + reach).contains(&v);
+            let expected = match (is_inside(-3), is_inside(3 + 9), (8..152).contains(&u)) {
+                (true, ..) => '9',
+                (_, false, true) => '2',
+                _ => continue,
+            };
+            ensure!(digit == expected, "({u}, {v}) is {digit} instead of {expected}:\n{}", exit.output);
+        }
+    }
+    println!("start: {} prints the map of its scene", build::START);
+    Ok(())
+}
+
 /// A fault and its expected outcome: the firmware's arguments, its exit code, and a part of its log.
 type Case = (&'static str, i32, &'static str);
 

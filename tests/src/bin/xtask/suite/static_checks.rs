@@ -45,7 +45,9 @@ pub fn documentation() -> Result<()> {
 /// Checks the formatting of all workspaces.
 pub fn formatting() -> Result<()> {
     run(&mut cargo(&["fmt", "--all", "--check"]))?;
-    run(&mut cargo(&["fmt", "--check", "--manifest-path", build::PICO2_MANIFEST]))
+    [build::PICO2, build::START]
+        .iter()
+        .try_for_each(|folder| run(cargo(&["fmt", "--check", "--manifest-path"]).arg(format!("{folder}/Cargo.toml"))))
 }
 
 /// Lints every crate for this machine.

@@ -16,6 +16,7 @@ mod image {
         Census, Disparity, Fusion, PathPenalties, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
         kernel::{Kernel, Native},
     };
+    use multiscopic_firmware as _; // Provides the handlers of panics and faults.
     use semihosting::{eprintln, process};
     use static_cell::ConstStaticCell;
 

@@ -13,6 +13,7 @@ mod twin;
 #[cfg(target_os = "none")]
 mod image {
     use multiscopic_core::kernel::Native;
+    use multiscopic_firmware as _; // Provides the handlers of panics and faults.
     use semihosting::{eprintln, process};
 
     use super::{

@@ -12,6 +12,7 @@ mod twin;
 #[cfg(target_os = "none")]
 mod image {
     use multiscopic_core::{Disparity, Fusion, Matcher, Region, SearchConfig, View, Views, kernel::Native};
+    use multiscopic_firmware as _; // Provides the handlers of panics and faults.
     use semihosting::{eprintln, process};
     use static_cell::ConstStaticCell;
 

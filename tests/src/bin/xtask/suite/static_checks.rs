@@ -1,6 +1,8 @@
 //! Checks that run no test: formatting, architecture, lints, documentation, and the features of what builds depend on.
 
 use anyhow::{Context, Result, anyhow, ensure};
+use multiscopic_core::Fusion;
+use multiscopic_edge::profile;
 use std::{
     collections::{BTreeMap, BTreeSet},
     process::Command,
@@ -111,7 +113,7 @@ const AS_FIRMWARE: [&str; 2] = ["--profile", "firmware"];
 /// Lints the libraries and the firmware for Arm, and the kernel that only a processor with vectors has.
 pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     DistortedSet::render()?.write(&system::flash_set())?;
-    write_calibrations(0, &[])?;
+    write_calibrations(0, &[profile::QQVGA, profile::QQVGA_SGM].map(|profile| profile.matching(Fusion::Min)))?;
     // Examples of libraries run on this machine.
     let libraries = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers"].map(|package| format!("--package={package}"));
     let firmware = [

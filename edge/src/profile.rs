@@ -63,7 +63,7 @@ pub const VGA_TILED: Profile = Profile::tiled("vga-tiled", MatchSize::new(640, 4
 pub const QQVGA_SGM: Profile =
     Profile::semi_global("qqvga-sgm", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 5) }, [48, 80]);
 /// The match of [`QVGA`] by semi-global matching.
-pub const QVGA_SGM: Profile = Profile::semi_global("qvga-sgm", MatchSize::new(320, 240, 32, 5), [192, 80]);
+pub const QVGA_SGM: Profile = Profile::semi_global("qvga-sgm", MatchSize::new(320, 240, 32, 5), [192, 88]);
 /// A small frame and all eight neighbours in an array of three by three. Its firmware is built with the feature `array` of
 /// `multiscopic-core`.
 pub const QQVGA_3X3: Profile =
@@ -84,7 +84,7 @@ pub const QVGA_CONFIDENCE: Profile = QVGA.with_confidences("qvga-confidence", [1
 pub const QQVGA_SGM_CONFIDENCE: Profile = QQVGA_SGM.with_confidences("qqvga-sgm-confidence", [48, 96]);
 
 /// The match of [`QQVGA`] by the network, with its confidences. The budget holds the frames too.
-pub const QQVGA_NET: Profile = Profile::network("qqvga-net", QQVGA.size, [512, 320]);
+pub const QQVGA_NET: Profile = Profile::network("qqvga-net", QQVGA.size, [512, 352]);
 
 /// The views four baselines to the left and to the right.
 const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {

@@ -52,13 +52,17 @@ pub struct FirmwareCosts {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BytesByMethod {
-    /// Block matching of up to four views.
+    /// Block matching of one view or two.
+    pub pair: usize,
+    /// Block matching of three views or four.
     pub blocks: usize,
     /// Block matching of more views.
     pub array: usize,
     /// Block matching from short baselines to long ones.
     pub prior: usize,
-    /// Semi-global matching.
+    /// Semi-global matching of one view or two.
+    pub pair_paths: usize,
+    /// Semi-global matching of more views.
     pub paths: usize,
     /// Block matching and confidences.
     pub confidence: usize,
@@ -82,9 +86,13 @@ impl BytesByMethod {
 
     fn of_mut(&mut self, matching: &Matching) -> &mut usize {
         match matching {
-            Matching::Blocks { params, .. } if params.views().len() > 4 => &mut self.array,
-            Matching::Blocks { .. } => &mut self.blocks,
+            Matching::Blocks { params, .. } => match params.views().len() {
+                ..=2 => &mut self.pair,
+                ..=4 => &mut self.blocks,
+                _ => &mut self.array,
+            },
             Matching::AroundPrior { .. } => &mut self.prior,
+            Matching::SemiGlobal(params) if params.search().views().len() <= 2 => &mut self.pair_paths,
             Matching::SemiGlobal(_) => &mut self.paths,
             Matching::WithConfidences(WholeLines::Blocks(_)) => &mut self.confidence,
             Matching::WithConfidences(WholeLines::SemiGlobal(_)) => &mut self.path_confidence,

@@ -50,7 +50,7 @@ enum Method {
 
 /// A small frame and its horizontal neighbours.
 pub const QQVGA: Profile =
-    Profile::whole("qqvga", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 7) }, [20, 48]);
+    Profile::whole("qqvga", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 7) }, [20, 56]);
 /// A medium frame and all four neighbours, in one pass.
 pub const QVGA: Profile = Profile::whole("qvga", MatchSize::new(320, 240, 32, 11), [144, 72]);
 /// The match of [`QVGA`] in column tiles.

@@ -151,8 +151,8 @@ mod image {
     fn main() -> ! {
         let mut board = FlashBoard { lines: (!is_plain()).then(|| LINES.take()) };
         let mut output = board.output().unwrap_or_else(|error| fail(error));
-        let frames = board.frames(Match::PARAMS.search()).unwrap_or_else(|error| fail(error));
-        let run = WORKSPACE.take().pipeline().run::<FlashBoard, _>(&Match, &mut [frames], &mut output);
+        let mut frames = [board.frames(Match::PARAMS.search()).unwrap_or_else(|error| fail(error))];
+        let run = WORKSPACE.take().pipeline().run::<FlashBoard, _>(&Match, &mut frames, &mut output);
         let mut sender = run.unwrap_or_else(|error| fail(error));
         let stack = multiscopic_firmware::stack_depth();
         let end = sender.end(Some(stack)).unwrap_or_else(|error| fail(error));

@@ -87,8 +87,8 @@ impl BytesByMethod {
     fn of_mut(&mut self, matching: &Matching) -> &mut usize {
         match matching {
             Matching::Blocks { params, .. } => match params.views().len() {
-                ..=2 => &mut self.pair,
-                ..=4 => &mut self.blocks,
+                0..=2 => &mut self.pair,
+                3..=4 => &mut self.blocks,
                 _ => &mut self.array,
             },
             Matching::AroundPrior { .. } => &mut self.prior,

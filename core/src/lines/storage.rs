@@ -155,9 +155,10 @@ impl Columns<'_> {
             // land where nothing is needed yet.
             let places = usable + 1 - live;
             let (from, to) = (self.index_in_set(places), self.index_in_set(0));
+            // Two calls, in each of which the compiler sees that it cannot panic.
             match from.checked_sub(to) {
-                Some(distance) => move_down(self.samples, distance),
-                None => move_up(self.samples, to.wrapping_sub(from)),
+                Some(back) => copy_within(self.samples, back, 0),
+                None => copy_within(self.samples, 0, to.wrapping_sub(from)),
             }
             self.shifted_lines += places;
         }
@@ -213,26 +214,9 @@ pub(crate) fn replicate<'h>(mut stored: impl Iterator<Item = &'h mut u8>, line: 
     stored.for_each(|sample| *sample = last);
 }
 
-/// Moves samples towards the beginning by `distance`. Those beyond the end stay as they are.
-fn move_down(mut samples: &mut [u8], distance: usize) {
-    // Piece by piece, none of which overlaps the next: `slice::copy_within` may panic where the compiler does not see that it
-    // cannot.
-    while let Some((to, from)) = samples.split_at_mut_checked(distance).filter(|(_, from)| !from.is_empty() && distance > 0) {
-        to.iter_mut().zip(&*from).for_each(|(to, from)| *to = *from);
-        samples = from;
-    }
-}
-
-/// Moves samples towards the end by `distance`. Those before the beginning stay as they are.
-fn move_up(mut samples: &mut [u8], distance: usize) {
-    while let Some((from, to)) = samples.len().checked_sub(distance).and_then(|at| samples.split_at_mut_checked(at)) {
-        let first = from.len().saturating_sub(distance);
-        let moved = from.get(first..).unwrap_or_default();
-        let to = to.get_mut(to.len() - moved.len()..).unwrap_or_default();
-        to.iter_mut().zip(moved).for_each(|(to, from)| *to = *from);
-        if first == 0 {
-            return;
-        }
-        samples = from;
+/// `slice::copy_within` for as many samples as stay inside. It never panics.
+fn copy_within(samples: &mut [u8], from: usize, to: usize) {
+    if let Some(end) = samples.len().checked_sub(to).filter(|&end| from <= end) {
+        samples.copy_within(from..end, to);
     }
 }

@@ -216,7 +216,45 @@ pub(crate) fn replicate<'h>(mut stored: impl Iterator<Item = &'h mut u8>, line: 
 
 /// `slice::copy_within` for as many samples as stay inside. It never panics.
 fn copy_within(samples: &mut [u8], from: usize, to: usize) {
+    if cfg!(target_os = "none") {
+        return copy_in_pieces(samples, from, to);
+    }
     if let Some(end) = samples.len().checked_sub(to).filter(|&end| from <= end) {
         samples.copy_within(from..end, to);
+    }
+}
+
+/// [`copy_within`] piece by piece, none of which overlaps the next: where firmware is optimised for its size, the compiler does not
+/// see that `slice::copy_within` cannot panic.
+fn copy_in_pieces(mut samples: &mut [u8], from: usize, to: usize) {
+    let distance = from.abs_diff(to);
+    if distance == 0 {
+        return;
+    }
+    while to < from {
+        let Some((to, from)) = samples.split_at_mut_checked(distance) else { return };
+        to.iter_mut().zip(&*from).for_each(|(to, from)| *to = *from);
+        samples = from;
+    }
+    while let Some((from, to)) = samples.len().checked_sub(distance).and_then(|at| samples.split_at_mut_checked(at)) {
+        let moved = from.get(from.len().saturating_sub(distance)..).unwrap_or_default();
+        let to = to.get_mut(distance - moved.len()..).unwrap_or_default();
+        to.iter_mut().zip(moved).for_each(|(to, from)| *to = *from);
+        samples = from;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_copied_as_a_whole() {
+        for (from, to) in (0..9).flat_map(|distance| [(distance, 0), (0, distance)]) {
+            let (mut found, mut expected) = ([1, 2, 3, 4, 5, 6, 7], [1, 2, 3, 4, 5, 6, 7]);
+            copy_in_pieces(&mut found, from, to);
+            copy_within(&mut expected, from, to);
+            assert_eq!(found, expected, "{from} to {to}");
+        }
     }
 }

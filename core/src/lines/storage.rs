@@ -231,10 +231,12 @@ fn copy_in_pieces(mut samples: &mut [u8], from: usize, to: usize) {
     if distance == 0 {
         return;
     }
-    while to < from {
-        let Some((to, from)) = samples.split_at_mut_checked(distance) else { return };
-        to.iter_mut().zip(&*from).for_each(|(to, from)| *to = *from);
-        samples = from;
+    if to < from {
+        while let Some((to, from)) = samples.split_at_mut_checked(distance) {
+            to.iter_mut().zip(&*from).for_each(|(to, from)| *to = *from);
+            samples = from;
+        }
+        return;
     }
     while let Some((from, to)) = samples.len().checked_sub(distance).and_then(|at| samples.split_at_mut_checked(at)) {
         let moved = from.get(from.len().saturating_sub(distance)..).unwrap_or_default();

@@ -62,6 +62,7 @@ impl Rule {
     }
 
     /// Fuses the costs of views that are all available.
+    // Here and below: inlined but in firmware that is built without optimisation, which must fit its flash too.
     #[cfg_attr(not(all(debug_assertions, target_os = "none")), inline(always))]
     pub(crate) fn fuse<L: Lane, B: Block<L>, const V: usize>(self, costs: [B; V]) -> B {
         match (self, &costs[..]) {

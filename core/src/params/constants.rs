@@ -38,8 +38,7 @@ impl<T: Copy> Params<T> for T {
     }
 }
 
-/// What a matcher asks for `prior`, which is `None` if the parameters are constants without one: the code around priors is then
-/// not linked.
+/// The `prior` itself, or `None` if the parameters are constants without one: the code around priors is then not linked.
 #[inline(always)]
 pub(crate) fn prior_of<P: Params<BlockMatchingParams>, T>(prior: Option<T>) -> Option<T> {
     const fn may_have_prior(known: Option<BlockMatchingParams>) -> bool {
@@ -53,7 +52,7 @@ pub(crate) fn prior_of<P: Params<BlockMatchingParams>, T>(prior: Option<T>) -> O
 
 /// Makes a type that stands for constant parameters, checked when the program is compiled: see [`Params`](crate::Params).
 ///
-/// What is out of its range fails the build, and the compiler's message says which parameter it is and what it may be.
+/// A parameter out of its range fails the build, and the compiler's message says which parameter it is and what it may be.
 #[macro_export]
 macro_rules! params {
     ($(#[$attribute:meta])* $visibility:vis $name:ident: $type:ty = $checked:expr) => {

@@ -121,7 +121,7 @@ pub use fusion::{Fusion, MatchingCost};
 pub use matcher::Matcher;
 pub use memory::Memory;
 pub use params::{
-    BlockMatchingParams, Census, Params, ParamsError, PathPenalties, Prior, SearchConfig, SearchSpace, SemiGlobalCost,
+    Alike, BlockMatchingParams, Census, Params, ParamsError, PathPenalties, Prior, SearchConfig, SearchSpace, SemiGlobalCost,
     SemiGlobalParams, valid,
 };
 pub use rectification::{Displacement, DisplacementGrid, Rectification, RectificationError, Rectified, RectifiedError};

@@ -295,6 +295,10 @@ pub(crate) const fn confidence_line_words(columns: usize) -> usize {
     columns.div_ceil(size_of::<u32>())
 }
 
+/// The length in pointers of the memory in front of a matcher's in which its state is kept, where the caller lends memory for both:
+/// in C.
+pub const STATE_POINTERS: usize = 100 + 40 * Views::MAX_MATCHED;
+
 /// The lengths of the buffers of a [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lengths {

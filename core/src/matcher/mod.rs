@@ -303,17 +303,17 @@ impl<I: Kernel, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
 }
 
 impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
-    /// False if the parameters are constants, and their sums have another width. Code for other constants is not compiled.
+    /// False if it is known that sums have another width. Code for them is then not compiled.
     const fn may_have_sums_of(bytes: usize) -> bool {
-        match P::KNOWN {
+        match P::LIKE {
             Some(params) => params.lane_bytes() == bytes,
             None => true,
         }
     }
 
-    /// False if the parameters are constants, and have another number of [places](Views::places).
+    /// False if it is known that there is another number of [places](Views::places).
     const fn may_have_places(places: usize) -> bool {
-        match P::KNOWN {
+        match P::LIKE {
             Some(params) => params.views().places() == places,
             None => places <= Views::MAX_MATCHED,
         }

@@ -205,6 +205,12 @@ impl BlockMatchingParams {
         if self.max_block_sum() < u16::MAX as u32 { size_of::<u16>() } else { size_of::<u32>() }
     }
 
+    /// True if a matcher takes the same loops for `other`.
+    pub(crate) fn has_loops_of(&self, other: &BlockMatchingParams) -> bool {
+        let loops = |params: &BlockMatchingParams| (params.views().places(), params.lane_bytes(), params.prior.is_some());
+        loops(self) == loops(other)
+    }
+
     /// The number of lines of `frame` past its own that a disparity line needs; negative if the frame lags behind.
     ///
     /// Until disparity line `v` is out, no line of the frame after `max(0, v + lead)` has been read. With the

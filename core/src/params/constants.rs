@@ -25,6 +25,10 @@ pub trait Params<T>: Copy {
     /// The parameters, if they are constants.
     const KNOWN: Option<T>;
 
+    /// Parameters that take the same loops: as many views, sums as wide, a cost of the same kind, and a prior or none. Those that
+    /// are constants take their own; [`Alike`] are values that take those of constants.
+    const LIKE: Option<T> = Self::KNOWN;
+
     /// The parameters.
     fn get(&self) -> &T;
 }
@@ -47,7 +51,7 @@ pub(crate) fn prior_of<P: Params<BlockMatchingParams>, T>(prior: Option<T>) -> O
             None => true,
         }
     }
-    if const { may_have_prior(P::KNOWN) } { prior } else { None }
+    if const { may_have_prior(P::LIKE) } { prior } else { None }
 }
 
 /// Makes a type that stands for constant parameters, checked when the program is compiled: see [`Params`](crate::Params).
@@ -132,10 +136,8 @@ impl<P: Params<SemiGlobalParams>> CostBlocks<P> {
 }
 
 impl<P: Params<SemiGlobalParams>> Params<BlockMatchingParams> for CostBlocks<P> {
-    const KNOWN: Option<BlockMatchingParams> = match P::KNOWN {
-        Some(params) => Some(params.block_matching()),
-        None => None,
-    };
+    const KNOWN: Option<BlockMatchingParams> = blocks_of(P::KNOWN);
+    const LIKE: Option<BlockMatchingParams> = blocks_of(P::LIKE);
 
     #[inline(always)]
     fn get(&self) -> &BlockMatchingParams {
@@ -146,12 +148,90 @@ impl<P: Params<SemiGlobalParams>> Params<BlockMatchingParams> for CostBlocks<P> 
     }
 }
 
+const fn blocks_of(params: Option<SemiGlobalParams>) -> Option<BlockMatchingParams> {
+    match params {
+        Some(params) => Some(params.block_matching()),
+        None => None,
+    }
+}
+
+/// Parameters of the type `T` that are known at run time alone, but take the loops of the constants `K`: a matcher is compiled for
+/// their number of views, the width of their sums and their cost, and takes any other parameter as it comes.
+///
+/// ```
+/// use multiscopic_core::{Alike, BlockMatchingParams, Matcher, SearchConfig, Views, params};
+/// const SEARCH: SearchConfig = SearchConfig { views: Views::HORIZONTAL, ..SearchConfig::of_size(160, 120) };
+/// params!(TwoViews: BlockMatchingParams = SEARCH.block_matching(7));
+///
+/// // From a host, or a file.
+/// let given = SearchConfig { num_disparities: 24, ..SEARCH }.block_matching(9)?;
+/// let params = Alike::<TwoViews, _>::new(given).ok_or("it takes two views, and blocks up to 15")?;
+/// let mut memory = vec![0; given.memory_words()];
+/// let matcher = Matcher::new(&params, &mut memory)?;
+/// assert_eq!(matcher.params().block_size(), 9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Alike<K, T> {
+    value: T,
+    constants: PhantomData<K>,
+}
+
+impl<K: Params<BlockMatchingParams>> Alike<K, BlockMatchingParams> {
+    /// The parameters, or `None` if they take other loops.
+    pub fn new(params: BlockMatchingParams) -> Option<Self> {
+        let is_alike = K::LIKE.is_none_or(|like| like.has_loops_of(&params));
+        is_alike.then_some(Alike { value: params, constants: PhantomData })
+    }
+}
+
+impl<K: Params<SemiGlobalParams>> Alike<K, SemiGlobalParams> {
+    /// The parameters, or `None` if they take other loops.
+    pub fn new(params: SemiGlobalParams) -> Option<Self> {
+        let is_alike = K::LIKE.is_none_or(|like| {
+            like.has_sad_cost() == params.has_sad_cost() && like.block_matching().has_loops_of(&params.block_matching())
+        });
+        is_alike.then_some(Alike { value: params, constants: PhantomData })
+    }
+}
+
+impl<K: Params<T>, T: Copy> Params<T> for Alike<K, T> {
+    const KNOWN: Option<T> = None;
+    const LIKE: Option<T> = K::LIKE;
+
+    #[inline(always)]
+    fn get(&self) -> &T {
+        &self.value
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{SearchConfig, View, Views};
+    use crate::{Census, SearchConfig, View, Views};
 
     const SEARCH: SearchConfig = SearchConfig::of_size(64, 48);
+
+    params!(TwoViews: BlockMatchingParams = SearchConfig { views: Views::HORIZONTAL, ..SEARCH }.block_matching(7));
+    params!(Paths: SemiGlobalParams = SEARCH.semi_global(SemiGlobalCost::Sad { block_size: 5 }));
+
+    #[test]
+    fn parameters_that_take_other_loops_are_refused() {
+        let blocks = |views, block_size| {
+            Alike::<TwoViews, _>::new(valid(SearchConfig { views, num_disparities: 9, ..SEARCH }.block_matching(block_size)))
+        };
+        assert!(blocks(Views::HORIZONTAL, 15).is_some());
+        assert!(blocks(Views::HORIZONTAL, 17).is_none());
+        assert!(blocks(Views::STEREO, 7).is_none());
+        let around = TwoViews::PARAMS.around(TwoViews::PARAMS.search());
+        assert!(Alike::<TwoViews, _>::new(around).is_none());
+        assert!(Alike::<BlockMatchingParams, _>::new(around).is_some());
+
+        let paths = |cost, views| Alike::<Paths, _>::new(valid(SearchConfig { views, ..SEARCH }.semi_global(cost)));
+        assert!(paths(SemiGlobalCost::Sad { block_size: 11 }, Views::CROSS).is_some());
+        assert!(paths(SemiGlobalCost::Sad { block_size: 5 }, Views::THREE).is_none());
+        assert!(paths(SemiGlobalCost::Census(Census::Window5x5), Views::CROSS).is_none());
+    }
 
     /// Fails the build where it is a constant.
     #[test]

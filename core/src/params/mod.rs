@@ -7,7 +7,7 @@
 //! | --- | --- |
 //! | `block_matching` | [`BlockMatchingParams`]: a search by block matching |
 //! | `semi_global` | [`SemiGlobalParams`], [`Census`]: a search by semi-global matching |
-//! | `constants` | [`Params`]: values, or constants that a matcher is compiled for |
+//! | `constants` | [`Params`]: values, or constants that a matcher is compiled for; [`Alike`]: values with the loops of constants |
 
 mod block_matching;
 mod constants;
@@ -18,8 +18,8 @@ use core::{error, fmt, ops::Range};
 use crate::{Disparity, Fusion, View, Views};
 
 pub use block_matching::BlockMatchingParams;
+pub use constants::{Alike, Params, valid};
 pub(crate) use constants::{CostBlocks, prior_of};
-pub use constants::{Params, valid};
 pub use semi_global::{Census, PathPenalties, SemiGlobalCost, SemiGlobalParams};
 
 /// The fields of a [`SearchSpace`] by their names: what is searched in frames of a size. Values out of range are refused by

@@ -295,6 +295,11 @@ impl SemiGlobalParams {
         self.cost
     }
 
+    /// True if the cost is a sum of absolute differences.
+    pub(crate) const fn has_sad_cost(&self) -> bool {
+        matches!(self.cost, SemiGlobalCost::Sad { .. })
+    }
+
     /// The penalties of paths.
     pub const fn penalties(&self) -> PathPenalties {
         self.penalties

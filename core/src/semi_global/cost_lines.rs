@@ -317,12 +317,12 @@ pub(super) enum CostLines<'m, I, P> {
 }
 
 impl<'m, I: Isa, P: Params<SemiGlobalParams>> CostLines<'m, I, P> {
-    /// False if the parameters are constants with the other cost, whose code is then not compiled.
-    const MAY_BE_SAD: bool = match P::KNOWN {
-        Some(params) => matches!(params.cost(), SemiGlobalCost::Sad { .. }),
+    /// False if it is known that the cost is the other one, whose code is then not compiled.
+    const MAY_BE_SAD: bool = match P::LIKE {
+        Some(params) => params.has_sad_cost(),
         None => true,
     };
-    const MAY_BE_CENSUS: bool = P::KNOWN.is_none() || !Self::MAY_BE_SAD;
+    const MAY_BE_CENSUS: bool = P::LIKE.is_none() || !Self::MAY_BE_SAD;
 
     /// No lines yet.
     // Inlined, so that the state is made where it stays: it is large for a microcontroller's stack.

@@ -44,7 +44,12 @@ impl<'b> Sender<'b> {
     /// A sender for a frame of the size in `search`. The buffer needs [`buffer_bytes`] of the widest
     /// line, or [`buffer_bytes_with_confidences`].
     pub fn new(search: &SearchSpace, buffer: &'b mut [u8]) -> Sender<'b> {
-        Sender { buffer, width: search.width() as u16, height: search.height() as u16, sequence: 0 }
+        Sender::from_packet(0, search, buffer)
+    }
+
+    /// A sender that goes on after the first `sequence` packets of a frame, which another has encoded.
+    pub fn from_packet(sequence: u32, search: &SearchSpace, buffer: &'b mut [u8]) -> Sender<'b> {
+        Sender { buffer, width: search.width() as u16, height: search.height() as u16, sequence }
     }
 
     /// Encodes the disparities of `line` in the columns of `region`.

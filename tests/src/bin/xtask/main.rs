@@ -28,7 +28,7 @@ use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
 use emulation::{build, emulated_board};
-use firmware_checks::{bit_flips, cycles, profiles};
+use firmware_checks::{bit_flips, c_library, cycles, profiles};
 use publishing::{release, supply_chain};
 use suite::Extent;
 use workspace_checks::{cluster, emulated_arm64, failing, fuzzing, mutating, pages, python_package, sanitizing};
@@ -59,6 +59,10 @@ enum Task {
     Edge(profiles::Selection),
     /// Add up the cycles that the firmware takes on each processor, and compare them with the record
     Cycles(cycles::Accounting),
+    /// Compare the library for C with the core on each kind of processor, and build it as users do
+    C,
+    /// Make the library for C for every processor: header, archives, Arduino library
+    CLibrary,
     /// Run the firmware that moves a camera and captures, with every fault
     Capture,
     /// Run firmware that must fail: too large, out of stack, without its frames
@@ -148,6 +152,8 @@ fn run(task: Task) -> anyhow::Result<()> {
             build::lint_pico2(&toolchain)?;
             build::build_pico2(&toolchain)
         }
+        Task::C => c_library::run_tests(&build::set_up()?, true),
+        Task::CLibrary => c_library::pack(),
         Task::Capture => firmware_checks::captures(&build::set_up()?),
         Task::Faults => firmware_checks::faults(&build::set_up()?, &emulated_board::ARM),
         Task::Flips(flips) => flips.run(&build::set_up()?),

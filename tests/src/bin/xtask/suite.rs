@@ -15,6 +15,7 @@ use crate::{
     firmware_checks::{
         self,
         bit_flips::BitFlips,
+        c_library,
         cycles::Accounting,
         profiles::{self, Selection},
     },
@@ -135,7 +136,7 @@ const TESTS: [Step; 24] = [
 
 /// The tests that take one processor at a time: of the firmware in emulators, of the libraries as firmware depends on them, of
 /// cameras, and of the program in release.
-const BACKGROUND: [Step; 22] = [
+const BACKGROUND: [Step; 24] = [
     Step { name: "the libraries for Arm", scope: All, run: || static_checks::libraries_for_arm(&arm()?) },
     Step { name: "the core for each processor", scope: Test, run: static_checks::core_for_each_processor },
     Step { name: "lints for RISC-V", scope: All, run: static_checks::lints_for_risc_v },
@@ -146,6 +147,8 @@ const BACKGROUND: [Step; 22] = [
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
     Step { name: "the firmware's cycles", scope: All, run: || Accounting::compare().run(&arm()?) },
     Step { name: "the firmware to begin with", scope: Test, run: || firmware_checks::start(&arm()?) },
+    Step { name: "the library for C, a sample", scope: Sample, run: || c_library::run_tests(&arm()?, false) },
+    Step { name: "the library for C", scope: All, run: || c_library::run_tests(&arm()?, true) },
     Step { name: "the firmware that captures", scope: Test, run: || firmware_checks::captures(&arm()?) },
     Step { name: "the firmware's faults", scope: Sample, run: || firmware_checks::faults(&arm()?, &[emulated_board::REFERENCE]) },
     Step {

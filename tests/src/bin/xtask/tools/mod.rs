@@ -44,6 +44,25 @@ pub const QEMU_X86: Tool = Tool {
 /// A C compiler for the emulator's plugin and the loopback module.
 pub const CC: Tool = Tool { program: "cc", debian: &["gcc"], fedora: Some("gcc"), homebrew: Some("gcc") };
 
+/// A C compiler for Arm's microcontrollers.
+pub const ARM_CC: Tool =
+    Tool { program: "arm-none-eabi-gcc", debian: &["gcc-arm-none-eabi"], fedora: Some("arm-none-eabi-gcc-cs"), homebrew: None };
+
+/// The C++ compiler beside it.
+pub const ARM_CXX: Tool = Tool { program: "arm-none-eabi-g++", fedora: Some("arm-none-eabi-gcc-cs-c++"), ..ARM_CC };
+
+/// A C compiler for RISC-V.
+pub const RISC_V_CC: Tool =
+    Tool { program: "riscv64-unknown-elf-gcc", debian: &["gcc-riscv64-unknown-elf"], fedora: None, homebrew: None };
+
+/// A C++ compiler for this machine.
+pub const CXX: Tool = Tool { program: "c++", debian: &["g++"], fedora: Some("gcc-c++"), homebrew: Some("gcc") };
+
+/// Build tools of projects in C.
+pub const CMAKE: Tool = Tool { program: "cmake", debian: &["cmake"], fedora: Some("cmake"), homebrew: Some("cmake") };
+pub const MESON: Tool =
+    Tool { program: "meson", debian: &["meson", "ninja-build"], fedora: Some("meson"), homebrew: Some("meson") };
+
 /// The build tool of the loopback module.
 pub const MAKE: Tool = Tool { program: "make", debian: &["make"], fedora: Some("make"), homebrew: Some("make") };
 
@@ -251,13 +270,19 @@ impl Toolchain {
     pub fn cargo(&self, verb: &str) -> Command {
         let mut cargo = command("cargo", [verb, "--target-dir"]);
         cargo.arg(system::edge_target());
+        self.set_for(&mut cargo);
+        cargo
+    }
+
+    /// Sets this toolchain for `command`, which runs cargo.
+    pub fn set_for<'c>(&self, command: &'c mut Command) -> &'c mut Command {
         // The user's flags are for the host's processor.
-        cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS").env_remove("CARGO_BUILD_TARGET");
+        command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS").env_remove("CARGO_BUILD_TARGET");
         if let Toolchain::Own(folder) = self {
             // `cargo run` sets these for the active toolchain.
-            cargo.env_remove("RUSTC").env_remove("RUSTDOC").env_remove("LD_LIBRARY_PATH").env("RUSTUP_TOOLCHAIN", folder);
+            command.env_remove("RUSTC").env_remove("RUSTDOC").env_remove("LD_LIBRARY_PATH").env("RUSTUP_TOOLCHAIN", folder);
         }
-        cargo
+        command
     }
 
     fn has(&self, targets: &[&str]) -> Result<bool> {

@@ -1,0 +1,4 @@
+// What Arduino makes of a sketch.
+#include "Arduino.h"
+
+#include "Map.ino"

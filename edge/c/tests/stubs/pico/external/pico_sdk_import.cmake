@@ -1,0 +1,11 @@
+# What the example calls of the Pico SDK, for a Pico 2 with its Arm processor.
+set(PICO_PLATFORM rp2350-arm-s)
+macro(pico_sdk_init)
+  add_library(pico_stdlib INTERFACE)
+  target_include_directories(pico_stdlib INTERFACE "$ENV{PICO_SDK_PATH}/include")
+  target_sources(pico_stdlib INTERFACE "$ENV{PICO_SDK_PATH}/../../bare/board.c")
+endmacro()
+function(pico_enable_stdio_usb)
+endfunction()
+function(pico_add_extra_outputs)
+endfunction()

@@ -42,7 +42,7 @@ pub mod profile;
 mod streams;
 
 pub use board::{Board, Phase};
-pub use matching::{Lengths, Matching, STATE_POINTERS, WholeLines, Workspace};
+pub use matching::{Lengths, Matching, WholeLines, Workspace, state_pointers};
 pub use pipeline::{Pipeline, PipelineError, RunError};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};

@@ -295,9 +295,11 @@ pub(crate) const fn confidence_line_words(columns: usize) -> usize {
     columns.div_ceil(size_of::<u32>())
 }
 
-/// The length in pointers of the memory in front of a matcher's in which its state is kept, where the caller lends memory for both:
-/// in C.
-pub const STATE_POINTERS: usize = 100 + 40 * Views::MAX_MATCHED;
+/// The pointers' lengths of memory in front of a matcher's that its state is kept in, where the caller lends memory for both: in C.
+/// It depends on the most views that the matcher takes, 4 or 8.
+pub const fn state_pointers(views: usize) -> usize {
+    if views > 4 { 420 } else { 260 }
+}
 
 /// The lengths of the buffers of a [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,13 +3,13 @@
 
 #include "multiscopic.h"
 
-/* `multiscopic budget --profile qqvga --header -` writes these. */
-#define WIDTH 160
-#define HEIGHT 120
-#define MEMORY_WORDS 4800
+#include "depth.h" /* multiscopic budget --profile qqvga --header depth.h */
+
+/* The state has pointers, which are longer on a host. */
+#define MEMORY_WORDS (DEPTH_MEMORY_WORDS + (sizeof(void *) > 4 ? 260 : 0))
 
 static uint32_t memory[MEMORY_WORDS];
-static uint16_t disparities[WIDTH];
+static uint16_t disparities[DEPTH_COLUMNS];
 
 static uint8_t texture(int32_t u, int32_t v) {
     return (uint8_t)((u * u * 31 + v * v * 17 + u * v * 7) >> 3);
@@ -19,7 +19,7 @@ static uint8_t texture(int32_t u, int32_t v) {
 static int read_line(void *camera, multiscopic_view view, uint16_t line, uint8_t *pixels) {
     int32_t u;
     (void)camera;
-    for (u = 0; u < WIDTH; u++) {
+    for (u = 0; u < DEPTH_WIDTH; u++) {
         int32_t near = u + 9 * view.right, far = u + 2 * view.right;
         int is_box = near >= 50 && near < 110 && line >= 30 && line < 90;
         pixels[u] = texture(is_box ? near + 1000 : far, line); /* the box has another part of the texture */
@@ -28,26 +28,15 @@ static int read_line(void *camera, multiscopic_view view, uint16_t line, uint8_t
 }
 
 int main(void) {
-    multiscopic_params params = {0};
+    static const multiscopic_params params = DEPTH_PARAMS;
     multiscopic_matcher *matcher;
-    multiscopic_status status;
     uint16_t line, u;
+    multiscopic_status status = multiscopic_begin(&DEPTH_METHOD, &params, NULL, memory, MEMORY_WORDS, &matcher);
 
-    params.width = WIDTH;
-    params.height = HEIGHT;
-    params.min_disparity = 1;
-    params.num_disparities = 16;
-    params.views[0].right = -1;
-    params.views[1].right = 1;
-    params.num_views = 2;
-    params.fusion = MULTISCOPIC_MIN;
-    params.block_size = 7;
-
-    status = multiscopic_begin(&multiscopic_bm2, &params, NULL, memory, MEMORY_WORDS, &matcher);
     while (status >= 0 && status != MULTISCOPIC_END) {
         status = multiscopic_next_line(matcher, read_line, NULL, disparities, NULL, &line);
         if (status == MULTISCOPIC_LINE && line % 8 == 4) {
-            for (u = 2; u < WIDTH; u += 4) {
+            for (u = 2; u < DEPTH_COLUMNS; u += 4) {
                 putchar(disparities[u] == MULTISCOPIC_NONE ? ' ' : '0' + (multiscopic_steps(disparities[u]) + 32) / 64);
             }
             putchar('\n');

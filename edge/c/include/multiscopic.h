@@ -5,15 +5,17 @@
  * disparity d = f B / Z pixels in all of them: f is the focal length in pixels, B the distance between neighbours, the
  * baseline. The match of the centre's pixel (u, v) in the view (right, down) is at (u - right d, v - down d).
  *
- *     static uint32_t memory[DEPTH_MEMORY_WORDS];             // multiscopic budget --header depth.h tells
- *     static uint16_t disparities[DEPTH_WIDTH];
+ *     #include "depth.h" // multiscopic budget --width 160 --height 120 --views 2 --num-disparities 16 --header depth.h
+ *
+ *     static uint32_t memory[DEPTH_MEMORY_WORDS];
+ *     static uint16_t disparities[DEPTH_COLUMNS];
  *
  *     static int read_line(void *camera, multiscopic_view view, uint16_t line, uint8_t *pixels) { ... return 0; }
  *
  *     const multiscopic_params params = DEPTH_PARAMS;
  *     multiscopic_matcher *matcher;
  *     uint16_t v;
- *     int status = multiscopic_begin(&multiscopic_bm2, &params, NULL, memory, DEPTH_MEMORY_WORDS, &matcher);
+ *     int status = multiscopic_begin(&DEPTH_METHOD, &params, NULL, memory, DEPTH_MEMORY_WORDS, &matcher);
  *     while (status >= 0 && status != MULTISCOPIC_END) {
  *         status = multiscopic_next_line(matcher, read_line, &camera, disparities, NULL, &v);
  *         if (status == MULTISCOPIC_LINE) { ... disparities of line v ... }

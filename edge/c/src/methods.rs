@@ -5,7 +5,7 @@ use multiscopic_core::{
     Alike, BlockMatchingParams, Disparity, Fusion, Matcher, Region, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalMatcher,
     SemiGlobalParams, Views, kernel::Native, params,
 };
-use multiscopic_edge::STATE_POINTERS;
+use multiscopic_edge::state_pointers;
 
 use crate::{
     params::{CParams, CRegion},
@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// The words in front of the matcher's memory.
-const STATE_WORDS: usize = STATE_POINTERS * size_of::<usize>() / size_of::<u32>();
+const STATE_WORDS: usize = state_pointers(Views::MAX_MATCHED) * size_of::<usize>() / size_of::<u32>();
 
 /// `multiscopic_method`: a method, whose functions are compiled for its number of views, its sums and its cost.
 pub struct Method {

@@ -6,8 +6,8 @@ use multiscopic_core::{
     Region, ScanlineSource, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views, kernel::Portable,
 };
 use multiscopic_edge::{
-    STATE_POINTERS,
     packet::{self, Content, Packet, Receiver},
+    state_pointers,
 };
 use multiscopic_reference::split_mix::Random;
 use std::{
@@ -274,7 +274,7 @@ impl Case {
             Matching::Blocks(params) => Memory::new::<Portable<8>>(params, width).words(),
             Matching::Paths(params) => Memory::semi_global::<Portable<8>>(params).words(),
         };
-        2 * STATE_POINTERS + matcher + confidences * ConfidenceLines::memory_words(width)
+        2 * state_pointers(Views::MAX_MATCHED) + matcher + confidences * ConfidenceLines::memory_words(width)
     }
 
     /// The lines that the core computes: their numbers, disparities, and confidences.
@@ -487,6 +487,7 @@ fn arduino_library(processors: &[(&str, &str, &str, &str)]) -> Result<PathBuf> {
     for (from, to) in [
         ("arduino/library.properties", "library.properties"),
         ("arduino/examples/Map/Map.ino", "examples/Map/Map.ino"),
+        ("examples/depth.h", "examples/Map/depth.h"),
         ("include/multiscopic.h", "src/multiscopic.h"),
     ] {
         fs::copy(source.join(from), library.join(to)).with_context(|| format!("cannot copy {from}"))?;

@@ -1,55 +1,20 @@
-//! Matches frames of 160x120 pixels with two neighbours, and prints a map of the disparities.
+//! Matches without a runtime: one program, from the first line to the last.
 #![no_std]
 #![no_main]
 
-use cortex_m as _; // Provides the critical section.
-use multiscopic_core::{BlockMatchingParams, Disparity, Frame, Fusion, Matcher, ScanlineSource, SearchConfig, Views, params};
-use semihosting::{print, println, process};
+use multiscopic_core::Matcher;
+use semihosting::process;
+use start::{Camera, Match, Memory, print_line};
 use static_cell::ConstStaticCell;
 
-const SEARCH: SearchConfig =
-    SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-params!(Match: BlockMatchingParams = SEARCH.block_matching(7));
-
-static MEMORY: ConstStaticCell<[u32; Match::PARAMS.memory_words()]> = ConstStaticCell::new([0; Match::PARAMS.memory_words()]);
-
-/// Your camera, flash or file takes its place: here, a box 9 pixels away from its place in the neighbours, before a wall 2 pixels
-/// away.
-struct Camera;
-
-impl ScanlineSource for Camera {
-    type Error = core::convert::Infallible;
-
-    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
-        let shift = |d| if let Frame::View(view) = frame { view.shift(d).0 } else { 0 };
-        for (pixel, u) in line.iter_mut().zip(0..) {
-            let (near, far) = (u - shift(9), u - shift(2));
-            let is_box = (50..110).contains(&near) && (30..90).contains(&v);
-            // From another part of the texture.
-            *pixel = texture(if is_box { near + 1000 } else { far }, v as i32);
-        }
-        Ok(())
-    }
-}
-
-fn texture(u: i32, v: i32) -> u8 {
-    ((u * u * 31 + v * v * 17 + u * v * 7) >> 3) as u8
-}
-
-/// A disparity in whole pixels.
-fn pixels(d: Disparity) -> i16 {
-    (d.to_bits() + 32) / 64
-}
+static MEMORY: ConstStaticCell<Memory> = ConstStaticCell::new([0; _]);
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let mut matcher = Matcher::new(&Match, MEMORY.take()).expect("the memory has the length that the parameters need");
-    let mut line = [None; Match::PARAMS.width()];
+    let mut line = [None; _];
     while let Ok(Some(v)) = matcher.next_line(&mut Camera, &mut line) {
-        if v % 8 == 4 {
-            line.iter().skip(2).step_by(4).for_each(|disparity| print!("{}", disparity.map_or(0, pixels)));
-            println!();
-        }
+        print_line(v, &line);
     }
     process::exit(0)
 }

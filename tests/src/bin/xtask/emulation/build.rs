@@ -224,11 +224,21 @@ pub fn build_pico2(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
-/// Lints the firmware to begin with, and links it as who copies its folder does. Returns the image.
-pub fn build_start(toolchain: &Toolchain) -> Result<PathBuf> {
-    run(cargo_in(toolchain, START, "clippy").args(["--", "-Dwarnings"]))?;
-    run(&mut cargo_in(toolchain, START, "build"))?;
-    Ok(system::edge_target().join(emulated_board::REFERENCE.target).join("release/start"))
+/// Lints the programs to begin with, and links each as who copies its folder does. Returns their images.
+pub fn build_start(toolchain: &Toolchain) -> Result<[PathBuf; 3]> {
+    // Each alone: the interrupts of RTIC's device are linked into no other.
+    let programs = ["start", "with-embassy --features=embassy", "with-rtic --features=rtic"];
+    for program in programs {
+        let cargo = |verb| {
+            let mut cargo = cargo_in(toolchain, START, verb);
+            cargo.arg("--bin").args(program.split(' '));
+            cargo
+        };
+        run(cargo("clippy").args(["--", "-Dwarnings"]))?;
+        run(&mut cargo("build"))?;
+    }
+    let images = system::edge_target().join(emulated_board::REFERENCE.target).join("release");
+    Ok(programs.map(|program| images.join(program.split(' ').next().unwrap_or_default())))
 }
 
 /// The cargo command `verb` in the folder of another workspace, whose configuration names the target and the processor.

@@ -54,13 +54,15 @@ pub fn kernels(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
-/// The firmware to begin with prints the map of its scene.
+/// The programs to begin with, alone, with embassy and with RTIC, print the map of their scene.
 pub fn start(toolchain: &Toolchain) -> Result<()> {
-    let image = build::build_start(toolchain)?;
-    let exit = emulation::run(&emulated_board::REFERENCE, &image, &[], &folder("start")?, None)?;
-    ensure!(exit.code == DONE, "it ended with exit code {} and printed:\n{}", exit.code, exit.output);
-    has_map_of_scene(&exit.output)?;
-    println!("start: {} prints the map of its scene", build::START);
+    let images = build::build_start(toolchain)?;
+    for image in &images {
+        let exit = emulation::run(&emulated_board::REFERENCE, image, &[], &folder("start")?, None)?;
+        ensure!(exit.code == DONE, "{} ended with exit code {} and printed:\n{}", image.display(), exit.code, exit.output);
+        has_map_of_scene(&exit.output).with_context(|| format!("{} of {}", image.display(), build::START))?;
+    }
+    println!("start: {} programs of {} print the map of their scene", images.len(), build::START);
     Ok(())
 }
 

@@ -26,6 +26,7 @@
 //! | --- | --- |
 //! | `board` | the hardware that a pipeline needs: [`Board`] |
 //! | `streams` | scanlines from byte streams: [`Streams`] |
+//! | `awaited_lines` | lines that are awaited, with the feature `async`: `AwaitedLines` |
 //! | [`frame_file`] | the names of the files of frames and packets |
 //! | [`packet`] | the packets that carry disparities to a host |
 //! | `matching` | the computation of a pipeline and its memory: [`Matching`], [`Workspace`], [`Lengths`] |
@@ -33,6 +34,8 @@
 //! | `pipeline` | matches the frames of a board and sends the disparities: [`Pipeline`] |
 #![no_std]
 
+#[cfg(feature = "async")]
+mod awaited_lines;
 mod board;
 pub mod frame_file;
 mod matching;
@@ -41,6 +44,8 @@ mod pipeline;
 pub mod profile;
 mod streams;
 
+#[cfg(feature = "async")]
+pub use awaited_lines::{AsyncScanlineSource, AwaitedLineError, AwaitedLines};
 pub use board::{Board, Phase};
 pub use matching::{Lengths, Matching, WholeLines, Workspace, state_pointers};
 pub use pipeline::{Pipeline, PipelineError, RunError};

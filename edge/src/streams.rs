@@ -22,7 +22,7 @@ pub struct Streams<R> {
     views: [Option<(View, FrameStream<R>)>; Views::MAX_MATCHED],
 }
 
-impl<R: Read> Streams<R> {
+impl<R> Streams<R> {
     /// Opens a stream for the centre and for each of `views`.
     ///
     /// # Errors
@@ -33,6 +33,15 @@ impl<R: Read> Streams<R> {
             *stream = Some((view, FrameStream::new(open(Frame::View(view))?)));
         }
         Ok(streams)
+    }
+
+    /// The stream of `frame`, whose next line has to be `v`.
+    pub(crate) fn at_line<E>(&mut self, frame: Frame, v: usize) -> Result<&mut FrameStream<R>, StreamsError<E>> {
+        let stream = self.get_mut(frame).ok_or(StreamsError::NoStream { frame })?;
+        if v != stream.next {
+            return Err(StreamsError::OutOfOrder { frame, next: stream.next, requested: v });
+        }
+        Ok(stream)
     }
 
     fn get_mut(&mut self, frame: Frame) -> Option<&mut FrameStream<R>> {
@@ -50,16 +59,9 @@ impl<R: Read> ScanlineSource for Streams<R> {
     type Error = StreamsError<R::Error>;
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
-        let stream = self.get_mut(frame).ok_or(StreamsError::NoStream { frame })?;
-        if v != stream.next {
-            return Err(StreamsError::OutOfOrder { frame, next: stream.next, requested: v });
-        }
-        stream.reader.read_exact(line).map_err(|error| match error {
-            ReadExactError::UnexpectedEof => StreamsError::Ended { frame, line: v },
-            ReadExactError::Other(error) => StreamsError::Read { frame, line: v, error },
-        })?;
-        stream.next += 1;
-        Ok(())
+        let stream = self.at_line(frame, v)?;
+        let read = stream.reader.read_exact(line);
+        stream.finish_line(frame, read)
     }
 }
 
@@ -76,14 +78,25 @@ impl<R: Read + Seek> Rewind for Streams<R> {
 }
 
 /// The stream of a frame, and the number of its next line.
-struct FrameStream<R> {
-    reader: R,
+pub(crate) struct FrameStream<R> {
+    pub reader: R,
     next: usize,
 }
 
 impl<R> FrameStream<R> {
     const fn new(reader: R) -> FrameStream<R> {
         FrameStream { reader, next: 0 }
+    }
+
+    /// Goes on to the next line if this one has been read.
+    pub fn finish_line<E>(&mut self, frame: Frame, read: Result<(), ReadExactError<E>>) -> Result<(), StreamsError<E>> {
+        let line = self.next;
+        read.map_err(|error| match error {
+            ReadExactError::UnexpectedEof => StreamsError::Ended { frame, line },
+            ReadExactError::Other(error) => StreamsError::Read { frame, line, error },
+        })?;
+        self.next += 1;
+        Ok(())
     }
 }
 

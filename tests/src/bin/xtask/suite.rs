@@ -56,10 +56,11 @@ const QUICK: [&str; 10] = [
 ];
 
 /// The tests of the checked build: all but those of the program and of errors on real images.
-const CHECKED: [&str; 17] = [
+const CHECKED: [&str; 18] = [
     "--lib",
     "--bins",
     "--test=architecture",
+    "--test=awaited_lines",
     "--test=capture",
     "--test=documents",
     "--test=hm01b0",

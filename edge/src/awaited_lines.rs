@@ -125,6 +125,7 @@ impl<S: AsyncScanlineSource> ScanlineSource for AwaitedLines<'_, S> {
 
 /// The reason why a matcher has no line of [`AwaitedLines`]. `E` is the error of the source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum AwaitedLineError<E> {
     /// The line has to be awaited, which [`AwaitedLines::bring_to`] does.

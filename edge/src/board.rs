@@ -121,6 +121,7 @@ pub trait Board {
 
 /// A phase of the pipeline's work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Phase {
     /// Nothing: before, between and after the passes over the frames.
     Idle,

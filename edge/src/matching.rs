@@ -24,6 +24,7 @@ use crate::packet;
 /// let workspace: workspace!(Qqvga::PARAMS) = Workspace::new();
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Matching {
     /// Block matching in column tiles.
     Blocks {
@@ -54,6 +55,7 @@ pub enum Matching {
 
 /// A method that confidences can be computed for: one that matches whole lines, and searches all of the range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum WholeLines {
     /// Block matching.
     Blocks(BlockMatchingParams),
@@ -303,6 +305,7 @@ pub const fn state_pointers(views: usize) -> usize {
 
 /// The lengths of the buffers of a [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Lengths {
     /// The matcher's memory by buffer, or that of both matchers from short baselines to long ones.
     pub matcher: Memory,

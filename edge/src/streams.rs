@@ -102,6 +102,7 @@ impl<R> FrameStream<R> {
 
 /// An error of a line that cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StreamsError<E> {
     /// The frame was not opened.

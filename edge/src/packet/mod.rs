@@ -52,6 +52,7 @@ const MAX_HEADER_BYTES: usize = MAGIC.len() + 1 + 5 + 3 + 3 + 1 + 3 * 3;
 
 /// The header of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Header {
     magic: [u8; 4],
     version: u8,
@@ -67,6 +68,7 @@ pub struct Header {
 
 /// The content of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Content {
     /// A line of disparities, or the part of it in one column tile.
     Line {

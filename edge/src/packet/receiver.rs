@@ -66,6 +66,7 @@ impl<'a> Packet<'a> {
 
 /// An error of bytes that are not a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum PacketError {
     /// The bytes are not valid COBS, or too few: some are missing.
@@ -124,6 +125,7 @@ impl error::Error for PacketError {}
 
 /// Notices packets that are missing between those that arrive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Receiver {
     next: u32,
 }
@@ -145,6 +147,7 @@ impl Receiver {
 
 /// Packets were lost between two that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Lost {
     /// The sequence number that was expected.
     pub expected: u32,

@@ -117,6 +117,7 @@ impl<'b> Sender<'b> {
 
 /// The buffer is too small for a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BufferTooSmall {
     /// Bytes needed.
     pub needed: usize,

@@ -171,6 +171,7 @@ pub type RunError<B> = PipelineError<<<B as Board>::Frames as ScanlineSource>::E
 
 /// An error that stops a pipeline before its last line. `S` is the error of the frames, `W` that of the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum PipelineError<S, W> {
     /// The line of the workspace is shorter than the tile.

@@ -24,4 +24,5 @@ pub mod test_images;
 #[doc = include_str!("../../README.md")]
 #[doc = include_str!("../../docs/architecture.md")]
 #[doc = include_str!("../../docs/firmware.md")]
+#[doc = include_str!("../../docs/first-map.md")]
 struct Guides;

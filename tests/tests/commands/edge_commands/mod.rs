@@ -39,7 +39,11 @@ fn the_commands_of_the_guides_run() {
         assert_eq!(output.status.code(), Some(0), "{words:?}: {output:?}");
     };
     run(&["demo", "-o", "out/demo", "--width", "180", "--height", "130", "--num-disparities", "1"]);
-    let guides = [include_str!("../../../../README.md"), include_str!("../../../../docs/firmware.md")];
+    let guides = [
+        include_str!("../../../../README.md"),
+        include_str!("../../../../docs/firmware.md"),
+        include_str!("../../../../docs/first-map.md"),
+    ];
     let commands = || guides.iter().flat_map(|guide| guide.lines()).filter_map(|line| line.strip_prefix("multiscopic "));
     for name in ["match out/demo", "budget", "simulate", "listen"] {
         assert!(commands().any(|command| command.starts_with(name)), "the guides have no line for {name}");

@@ -71,6 +71,20 @@ impl Processor {
         }
     }
 
+    /// Energy of a cycle in nanojoules, of the whole part while it runs from flash, with its peripherals off. `None` if the
+    /// manufacturer publishes none for the part that [`clock_mhz`](Processor::clock_mhz) is of.
+    pub fn nanojoules_per_cycle(self) -> Option<f64> {
+        match self {
+            // nRF52840 Product Specification: 52 µA/MHz (3.3 mA at 64 MHz) running CoreMark from flash with its cache, at 3 V and
+            // 25 °C, by the DC/DC regulator.
+            Processor::CortexM4 => Some(0.156),
+            // STM32H743, DS12110: 275 µA/MHz at 480 MHz in run mode, at 3.3 V and 25 °C, typical, by the linear regulator.
+            Processor::CortexM7 => Some(0.91),
+            // The RP2350's data sheet has currents of both cores alone, in a figure; AN547 is an image for an FPGA.
+            Processor::CortexM33 | Processor::CortexM55 => None,
+        }
+    }
+
     /// Lanes of its kernel. The number of disparities is rounded up to a multiple of it.
     pub(crate) fn lanes(self) -> usize {
         Native::LANES

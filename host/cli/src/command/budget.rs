@@ -1,4 +1,4 @@
-//! `multiscopic budget`: the memory, instructions and time that matching takes on a microcontroller.
+//! `multiscopic budget`: the memory, instructions, time and energy that matching takes on a microcontroller.
 
 use std::{collections::BTreeMap, fmt, process::ExitCode};
 
@@ -16,7 +16,7 @@ use super::{
     terminal,
 };
 
-/// Predicts what matching takes on a microcontroller: RAM by buffer, flash, instructions, time
+/// Predicts what matching takes on a microcontroller: RAM by buffer, flash, instructions, time, energy
 ///
 /// Buffer sizes are exact: the firmware allocates exactly these statics. The other statics and the maximum stack
 /// depth were measured, and so was flash: the most that a profile with the same method takes.
@@ -30,7 +30,10 @@ use super::{
 /// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part. Arm publishes none for
 /// the M33, which is taken to be as slow as an M4. There are no prices for RISC-V.
 ///
-/// Exit code 1 if --ram, --flash or --fps is not met.
+/// Energy is cycles times the energy of one, from the data of the part: 0.156 nJ (M4, nRF52840) or 0.91 nJ (M7, STM32H743). It is
+/// that of the microcontroller alone. The parts of the other cores publish no such number: pass --nanojoules-per-cycle.
+///
+/// Exit code 1 if --ram, --flash, --fps or --joules is not met.
 #[derive(Clone, Debug, Args)]
 pub struct Budget {
     /// Firmware profile
@@ -85,10 +88,21 @@ impl Budget {
             Some(profile) => self.profile_matching(&profile),
             None => self.custom_matching()?,
         };
-        if self.target.fps.is_some() && self.target.core.instructions(&matching).is_none() {
+        let checked =
+            [("--fps", self.target.fps), ("--joules", self.target.joules)].into_iter().find(|(_, limit)| limit.is_some());
+        if let Some((option, _)) = checked
+            && self.target.core.instructions(&matching).is_none()
+        {
+            let message = format!(
+                "{option} cannot be checked: the instructions are not predicted for this match, see `multiscopic budget --help`"
+            );
+            return Err(Error::Usage(message));
+        }
+        if self.target.joules.is_some() && self.target.energy_per_cycle().is_none() {
+            let core = self.target.core.name();
             let message =
-                "--fps cannot be checked: the instructions are not predicted for this match, see `multiscopic budget --help`";
-            return Err(Error::Usage(message.into()));
+                format!("--joules cannot be checked: no energy per cycle is known for {core}, give --nanojoules-per-cycle");
+            return Err(Error::Usage(message));
         }
         let prediction = Prediction::new(&self.target, &matching, &Ram::new(&matching, self.target.core));
         terminal::print_report(&prediction, self.json)?;
@@ -148,6 +162,13 @@ impl Budget {
                 "time: {fps:.3} frames per second fall short of --fps {limit}; it must be {factor:.2} times as fast"
             ));
         }
+        if let (Some(limit), Some(joules)) = (self.target.joules, prediction.joules)
+            && joules > limit
+        {
+            let factor = joules / limit;
+            failures
+                .push(format!("energy: {joules:.6} J a frame exceed --joules {limit}; it must be {factor:.2} times as frugal"));
+        }
         failures
     }
 }
@@ -180,13 +201,35 @@ pub struct TargetOptions {
     /// Required frames per second: exit code 1 if matching is slower
     #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
     fps: Option<f64>,
+
+    /// Energy of a cycle in nanojoules [default: 0.156 (M4, nRF52840) or 0.91 (M7, STM32H743)]
+    #[arg(long, value_name = "NJ", value_parser = positive, allow_negative_numbers = true)]
+    nanojoules_per_cycle: Option<f64>,
+
+    /// Available energy for a frame in joules: exit code 1 if matching takes more
+    #[arg(long, value_name = "J", value_parser = positive, allow_negative_numbers = true)]
+    joules: Option<f64>,
 }
 
 impl TargetOptions {
     /// A processor as it is, without requirements.
     #[cfg(feature = "live")]
     pub fn of(core: Processor) -> TargetOptions {
-        TargetOptions { core, clock: None, cpi: None, ram: None, flash: None, fps: None }
+        TargetOptions {
+            core,
+            clock: None,
+            cpi: None,
+            ram: None,
+            flash: None,
+            fps: None,
+            nanojoules_per_cycle: None,
+            joules: None,
+        }
+    }
+
+    /// Nanojoules of a cycle, if they are known.
+    fn energy_per_cycle(&self) -> Option<f64> {
+        self.nanojoules_per_cycle.or(self.core.nanojoules_per_cycle())
     }
 }
 
@@ -235,6 +278,10 @@ pub struct Prediction {
     seconds: Option<f64>,
     /// Frames per second.
     fps: Option<f64>,
+    /// `None` if none are known for the part.
+    nanojoules_per_cycle: Option<f64>,
+    /// Joules of a frame.
+    joules: Option<f64>,
     lines_latency: usize,
     tile_passes: usize,
     #[serde(skip)]
@@ -270,7 +317,9 @@ impl Prediction {
         let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
         let cycles_per_instruction = target.cpi.unwrap_or(processor.cycles_per_instruction());
         let instructions = processor.instructions(matching).map(f64::round);
-        let seconds = instructions.map(|instructions| instructions * cycles_per_instruction / (clock_mhz * 1e6));
+        let cycles = instructions.map(|instructions| instructions * cycles_per_instruction);
+        let seconds = cycles.map(|cycles| cycles / (clock_mhz * 1e6));
+        let nanojoules_per_cycle = target.energy_per_cycle();
         Prediction {
             method: matching.name(),
             width: search.width(),
@@ -295,6 +344,8 @@ impl Prediction {
             cycles_per_instruction,
             seconds,
             fps: seconds.map(f64::recip),
+            nanojoules_per_cycle,
+            joules: cycles.zip(nanojoules_per_cycle).map(|(cycles, nanojoules)| cycles * nanojoules * 1e-9),
             lines_latency: matching.latency_lines(),
             tile_passes: matching.tiles().count(),
             buffers: ram.buffers().to_vec(),
@@ -342,7 +393,18 @@ impl fmt::Display for Prediction {
                     self.clock_mhz, self.cycles_per_instruction
                 )?;
             }
-            _ => writeln!(f, "{:>12}  instructions and time are not predicted for this match: see --help", "?")?,
+            _ => writeln!(f, "{:>12}  instructions, time and energy are not predicted for this match: see --help", "?")?,
+        }
+        match (self.joules, self.nanojoules_per_cycle) {
+            (Some(joules), Some(nanojoules)) => {
+                let (millijoules, frames) = (1e3 * joules, 3600.0 / joules);
+                writeln!(
+                    f,
+                    "{millijoules:>12.3}  mJ a frame at {nanojoules} nJ a cycle: {frames:.0} frames on a watt-hour of battery"
+                )?;
+            }
+            (None, None) => writeln!(f, "{:>12}  J: no energy per cycle is known for {core}, see --nanojoules-per-cycle", "?")?,
+            _ => {}
         }
         writeln!(f, "{:>12}  lines of latency, passes over the frames: {}", self.lines_latency, self.tile_passes)
     }

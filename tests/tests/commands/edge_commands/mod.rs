@@ -65,11 +65,11 @@ fn what_is_not_predicted_is_not_printed() {
     for (profile, fusion) in [(profile::QVGA, "half"), (profile::QQVGA_3X3, "mean")].into_iter().chain(confidences) {
         let options = ["--profile", profile.name, "--fusion", fusion];
         let report = json(&budget(&options), 0);
-        for name in ["instructions", "instructions_per_de", "seconds", "fps"] {
+        for name in ["instructions", "instructions_per_de", "seconds", "fps", "joules"] {
             assert!(report[name].is_null(), "{name} of {}: {report:#}", profile.name);
         }
         let text = Invocation::new(["budget"].iter().chain(&options));
-        assert!(text.stdout.contains("instructions and time are not predicted for this match"), "{text:#?}");
+        assert!(text.stdout.contains("instructions, time and energy are not predicted for this match"), "{text:#?}");
         let checked = ["budget", "--fps", "1"];
         Invocation::new(checked.iter().chain(&options)).assert_refused(&["--fps cannot be checked", "not predicted"]);
     }
@@ -191,6 +191,34 @@ fn time_is_instructions_by_cycles_by_clock() {
         let text = Invocation::new(["budget", "--profile", "qvga", "--core", core]);
         assert!(text.stdout.contains(&format!("at {clock} MHz and {cycles} cycles per instruction")), "{text:#?}");
     }
+}
+
+#[test]
+fn energy_is_cycles_by_the_energy_of_one() {
+    let options = ["--profile", "qvga", "--cpi", "1.5", "--nanojoules-per-cycle", "2"];
+    let report = json(&budget(&options), 0);
+    let joules = report["joules"].as_f64().expect("a number");
+    let expected = report["instructions"].as_f64().expect("a number") * 1.5 * 2e-9;
+    assert!((joules / expected - 1.0).abs() < 1e-9, "{report:#}");
+    let text = Invocation::new(["budget"].iter().chain(&options));
+    assert!(text.stdout.contains(&format!("{:.3}  mJ a frame at 2 nJ a cycle", 1e3 * joules)), "{text:#?}");
+    json(&budget(&[&options[..], &["--joules", &(1.01 * joules).to_string()]].concat()), 0);
+    let spent = budget(&[&options[..], &["--joules", &(joules / 2.0).to_string()]].concat());
+    json(&spent, 1);
+    assert!(spent.stderr.contains("2.00 times as frugal"), "{spent:#?}");
+    for processor in Processor::ALL {
+        let options = ["--profile", "qvga", "--core", processor.name()];
+        let report = json(&budget(&options), 0);
+        assert_eq!(report["nanojoules_per_cycle"].as_f64(), processor.nanojoules_per_cycle());
+        let text = Invocation::new(["budget"].iter().chain(&options));
+        let is_unknown = text.stdout.contains("no energy per cycle is known");
+        assert_eq!(is_unknown, processor.nanojoules_per_cycle().is_none(), "{text:#?}");
+    }
+    budget(&["--profile", "qvga", "--core", "cortex-m55", "--joules", "1"]).assert_refused(&[
+        "--joules cannot be checked",
+        "cortex-m55",
+        "--nanojoules-per-cycle",
+    ]);
 }
 
 #[test]

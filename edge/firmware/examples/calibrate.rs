@@ -4,7 +4,11 @@
 
 #[cfg(target_os = "none")]
 mod image {
-    use multiscopic_core::{Fusion, SearchConfig, SemiGlobalCost, Views, params, valid};
+    // A file of matches needs some of these.
+    #[allow(unused_imports)]
+    use multiscopic_core::{Fusion, SearchConfig, SemiGlobalCost, Views, network::NetworkParams, params, valid};
+    #[allow(unused_imports)]
+    use multiscopic_edge::WholeLines;
     use multiscopic_edge::{Matching, Pipeline, Workspace, packet};
     use semihosting::experimental::env;
     use static_cell::ConstStaticCell;

@@ -138,6 +138,8 @@ impl Named for Processor {
             Processor::CortexM7 => "Armv7E-M with DSP instructions, two instructions at a time",
             Processor::CortexM33 => "Armv8-M with DSP instructions",
             Processor::CortexM55 => "Armv8.1-M with vectors",
+            Processor::CortexM0Plus => "Armv6-M, by the portable kernel",
+            Processor::Rv32imac => "RISC-V, by the portable kernel",
         }
     }
 }

@@ -32,6 +32,11 @@ pub struct FirmwareCostTable {
     /// Cortex-M55.
     #[serde(rename = "armv8_1-m")]
     pub armv8_1_m: FirmwareCosts,
+    /// Cortex-M0+.
+    #[serde(rename = "armv6-m")]
+    pub armv6_m: FirmwareCosts,
+    /// RISC-V.
+    pub rv32imac: FirmwareCosts,
 }
 
 /// The firmware's costs beside the workspace, which a formula gives.
@@ -40,11 +45,15 @@ pub struct FirmwareCostTable {
 pub struct FirmwareCosts {
     /// Bytes of statics beside the workspace: the state of the runtime and of the log.
     pub statics: usize,
+    /// Instructions that rectification takes for each pixel of each frame. `None` if it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rectified_pixel: Option<f64>,
     /// Greatest depth of the stack in bytes, and a few bytes to spare.
     pub stack: BytesByMethod,
     /// Bytes of flash: code and constants, also those of packets, of the log, and of the runtime of the emulated boards.
     pub flash: BytesByMethod,
     /// The prices of the instruction model.
+    #[serde(default)]
     pub prices: Prices,
 }
 
@@ -70,6 +79,13 @@ pub struct BytesByMethod {
     pub path_confidence: usize,
     /// The network.
     pub network: usize,
+}
+
+impl FirmwareCosts {
+    /// Forgets the memory, before it is measured again.
+    pub fn forget_memory(&mut self) {
+        (self.statics, self.stack, self.flash) = (0, BytesByMethod::default(), BytesByMethod::default());
+    }
 }
 
 impl BytesByMethod {
@@ -108,6 +124,8 @@ impl FirmwareCostTable {
             Processor::CortexM4 | Processor::CortexM7 => &self.armv7e_m,
             Processor::CortexM33 => &self.armv8_m,
             Processor::CortexM55 => &self.armv8_1_m,
+            Processor::CortexM0Plus => &self.armv6_m,
+            Processor::Rv32imac => &self.rv32imac,
         }
     }
 
@@ -117,6 +135,8 @@ impl FirmwareCostTable {
             Processor::CortexM4 | Processor::CortexM7 => &mut self.armv7e_m,
             Processor::CortexM33 => &mut self.armv8_m,
             Processor::CortexM55 => &mut self.armv8_1_m,
+            Processor::CortexM0Plus => &mut self.armv6_m,
+            Processor::Rv32imac => &mut self.rv32imac,
         }
     }
 
@@ -124,8 +144,8 @@ impl FirmwareCostTable {
     pub fn to_toml(&self) -> String {
         let table = toml::to_string(self).expect("it has only numbers, strings and tables of them");
         format!(
-            "# Written by `cargo xtask edge --fit`: bytes, and prices in instructions (see instruction_model).\n\
-             # Cycles per instruction are written by `cargo xtask cycles --update`.\n{table}"
+            "# Prices in instructions (see instruction_model) are written by `cargo xtask edge --fit`, bytes and the price of\n\
+             # rectification by `cargo xtask edge --update`, and cycles per instruction by `cargo xtask cycles --update`.\n{table}"
         )
     }
 }
@@ -136,7 +156,7 @@ impl Processor {
         MEASURED.of(self)
     }
 
-    /// Average cycles per instruction.
+    /// Average cycles per instruction. `None` for the processors without a kernel of their own: no manual or model of theirs is read.
     ///
     /// `cargo xtask cycles` measures them: the emulator counts how often each block of the firmware runs, and each
     /// block takes the cycles of Arm's manual (Cortex-M4) or of LLVM's model of the processor (M7, M55). Neither has a
@@ -144,13 +164,13 @@ impl Processor {
     /// states and caches, the cycle that a Cortex-M4 waits for an address that the instruction before computes, the
     /// branches that a Cortex-M7 predicts wrongly, and the unaligned words that a Cortex-M7 or M55 loads in two accesses.
     /// If you have measured your part, use `multiscopic budget --cpi` instead.
-    pub fn cycles_per_instruction(self) -> f64 {
-        MEASURED.cycles_per_instruction[self.name()]
+    pub fn cycles_per_instruction(self) -> Option<f64> {
+        MEASURED.cycles_per_instruction.get(self.name()).copied()
     }
 
     /// The instructions that a match takes by the model, including sending but not fetching lines. `None` for
-    /// what the model is not fitted to: the census, confidences, [`Fusion::Half`](multiscopic_core::Fusion::Half) of three or
-    /// four views, and [`Fusion::Mean`](multiscopic_core::Fusion::Mean) of more than four.
+    /// what the model is not fitted to: the census, and semi-global matching of more than four views or by
+    /// [`Fusion::Half`](multiscopic_core::Fusion::Half) of three or four.
     pub fn instructions(self, matching: &Matching) -> Option<f64> {
         self.firmware_costs().prices.instructions(matching, self)
     }

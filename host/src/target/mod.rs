@@ -44,11 +44,22 @@ pub enum Processor {
     CortexM33,
     /// Arm Cortex-M55, with the vector extension (MVE) of Armv8.1-M.
     CortexM55,
+    /// Arm Cortex-M0+, which runs the portable kernel.
+    CortexM0Plus,
+    /// RISC-V with the extensions M, A and C, as the Hazard3 of an RP2350, which runs the portable kernel.
+    Rv32imac,
 }
 
 impl Processor {
     /// All processors.
-    pub const ALL: [Processor; 4] = [Processor::CortexM4, Processor::CortexM7, Processor::CortexM33, Processor::CortexM55];
+    pub const ALL: [Processor; 6] = [
+        Processor::CortexM4,
+        Processor::CortexM7,
+        Processor::CortexM33,
+        Processor::CortexM55,
+        Processor::CortexM0Plus,
+        Processor::Rv32imac,
+    ];
 
     /// The name on the command line and in reports.
     pub fn name(self) -> &'static str {
@@ -57,17 +68,25 @@ impl Processor {
             Processor::CortexM7 => "cortex-m7",
             Processor::CortexM33 => "cortex-m33",
             Processor::CortexM55 => "cortex-m55",
+            Processor::CortexM0Plus => "cortex-m0plus",
+            Processor::Rv32imac => "rv32imac",
         }
     }
 
-    /// Clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, RP2350, or Arm's MPS3
-    /// image AN547.
+    /// Returns true if there is a kernel for it beside the portable one.
+    pub fn has_kernel(self) -> bool {
+        !matches!(self, Processor::CortexM0Plus | Processor::Rv32imac)
+    }
+
+    /// Clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, RP2350, Arm's MPS3
+    /// image AN547, or RP2040.
     pub fn clock_mhz(self) -> f64 {
         match self {
             Processor::CortexM4 => 64.0,
             Processor::CortexM7 => 480.0,
-            Processor::CortexM33 => 150.0,
+            Processor::CortexM33 | Processor::Rv32imac => 150.0,
             Processor::CortexM55 => 32.0,
+            Processor::CortexM0Plus => 125.0,
         }
     }
 
@@ -80,8 +99,8 @@ impl Processor {
             Processor::CortexM4 => Some(0.156),
             // STM32H743, DS12110: 275 µA/MHz at 480 MHz in run mode, at 3.3 V and 25 °C, typical, by the linear regulator.
             Processor::CortexM7 => Some(0.91),
-            // The RP2350's data sheet has currents of both cores alone, in a figure; AN547 is an image for an FPGA.
-            Processor::CortexM33 | Processor::CortexM55 => None,
+            // The data sheets of the RP2350 and the RP2040 have no number for one core; AN547 is an image for an FPGA.
+            Processor::CortexM33 | Processor::CortexM55 | Processor::CortexM0Plus | Processor::Rv32imac => None,
         }
     }
 

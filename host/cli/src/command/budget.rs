@@ -7,8 +7,8 @@ use multiscopic::{
     Error, Processor, Result,
     target::{Buffer, Ram, ram::widest_tile},
 };
-use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams};
-use multiscopic_edge::{Matching, Profile, profile};
+use multiscopic_core::{Fusion, SearchSpace, SemiGlobalCost, SemiGlobalParams, network::NetworkParams};
+use multiscopic_edge::{Matching, Profile, WholeLines, profile};
 use serde::Serialize;
 
 use super::{
@@ -21,14 +21,13 @@ use super::{
 /// Buffer sizes are exact: the firmware allocates exactly these statics. The other statics and the maximum stack
 /// depth were measured, and so was flash: the most that a profile with the same method takes.
 ///
-/// Instructions come from a cost model fitted to measurements, within 10 % of the firmware in each profile. They
-/// include sending packets, but not fetching lines. With --fusion mean and blocks of 13 or 15, high-contrast images
-/// take up to a third more. They are not predicted for confidences (qvga-confidence), for --fusion half with three or
-/// four views, and for --fusion mean with more than four.
+/// Instructions come from a cost model fitted to measurements. They include sending packets, but not fetching lines. With --fusion
+/// mean and blocks of 13 or 15, high-contrast images take up to a third more. --rectified adds what rectifying lines takes, without
+/// the RAM of lines and displacements. Semi-global matching of more than four views, or with --fusion half, is not predicted.
 ///
 /// Time depends on the average cycles per instruction. They come from Arm's manual (M4) and LLVM's models of the
 /// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part. Arm publishes none for
-/// the M33, which is taken to be as slow as an M4. There are no prices for RISC-V.
+/// the M33, which is taken to be as slow as an M4. For the M0+ and RISC-V, none are known without --cpi.
 ///
 /// Energy is cycles times the energy of one, from the data of the part: 0.156 nJ (M4, nRF52840) or 0.91 nJ (M7, STM32H743). It is
 /// that of the microcontroller alone. The parts of the other cores publish no such number: pass --nanojoules-per-cycle.
@@ -57,9 +56,17 @@ pub struct Budget {
     #[arg(long, value_name = "N")]
     tile_width: Option<usize>,
 
-    /// Method: block matching, or semi-global matching with sums of absolute differences
-    #[arg(long, value_name = "METHOD", value_parser = ["bm", "sgm"], default_value = "bm")]
+    /// Method: block matching, semi-global matching with sums of absolute differences, or the network
+    #[arg(long, value_name = "METHOD", value_parser = ["bm", "sgm", "net"], default_value = "bm")]
     method: String,
+
+    /// Confidences as well, which the network always gives
+    #[arg(long, conflicts_with = "tile_width")]
+    confidences: bool,
+
+    /// Rectify every line of the frames as it is fetched
+    #[arg(long)]
+    rectified: bool,
 
     /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
     #[arg(long, value_parser = named::<Fusion>())]
@@ -77,8 +84,8 @@ pub struct Budget {
 }
 
 /// The options that a profile sets.
-const SET_BY_PROFILE: [&str; 8] =
-    ["width", "height", "views", "tile_width", "method", "min_disparity", "num_disparities", "block_size"];
+const SET_BY_PROFILE: [&str; 9] =
+    ["width", "height", "views", "tile_width", "method", "confidences", "min_disparity", "num_disparities", "block_size"];
 
 impl Budget {
     /// Runs the command.
@@ -88,10 +95,18 @@ impl Budget {
             Some(profile) => self.profile_matching(&profile),
             None => self.custom_matching()?,
         };
+        let core = self.target.core;
+        if core.firmware_costs().flash.of(&matching) == 0 {
+            let message = format!("the memory of {} on {} was not measured", matching.name(), core.name());
+            return Err(Error::Usage(message));
+        }
+        if self.rectified && core.firmware_costs().rectified_pixel.is_none() {
+            return Err(Error::Usage(format!("--rectified: what a pixel takes was not measured on {}", core.name())));
+        }
         let checked =
             [("--fps", self.target.fps), ("--joules", self.target.joules)].into_iter().find(|(_, limit)| limit.is_some());
         if let Some((option, _)) = checked
-            && self.target.core.instructions(&matching).is_none()
+            && core.instructions(&matching).is_none()
         {
             let message = format!(
                 "{option} cannot be checked: the instructions are not predicted for this match, see `multiscopic budget --help`"
@@ -99,12 +114,18 @@ impl Budget {
             return Err(Error::Usage(message));
         }
         if self.target.joules.is_some() && self.target.energy_per_cycle().is_none() {
-            let core = self.target.core.name();
+            let core = core.name();
             let message =
                 format!("--joules cannot be checked: no energy per cycle is known for {core}, give --nanojoules-per-cycle");
             return Err(Error::Usage(message));
         }
-        let prediction = Prediction::new(&self.target, &matching, &Ram::new(&matching, self.target.core));
+        for (option, limit) in [("--fps", self.target.fps), ("--joules", self.target.joules)] {
+            if limit.is_some() && self.target.cycles_per_instruction().is_none() {
+                let core = core.name();
+                return Err(Error::Usage(format!("{option} cannot be checked: no cycles are known for {core}, give --cpi")));
+            }
+        }
+        let prediction = Prediction::new(&self.target, &matching, &Ram::new(&matching, core), self.rectified);
         terminal::print_report(&prediction, self.json)?;
         let failures = self.failures(&prediction, &matching);
         failures.iter().for_each(|failure| terminal::complain(failure));
@@ -121,12 +142,23 @@ impl Budget {
         let size = [self.width, self.height].map(|side| usize::from(side.unwrap_or_default()));
         let views = views_of_count(self.views.unwrap_or(4))?;
         let params = self.search.params(self.search.search(size, views, self.fusion, SearchOptions::DEFAULT_RANGE)?)?;
+        if self.method != "bm" && self.tile_width.is_some() {
+            return Err(Error::Usage("--tile-width is for block matching: paths lead through the whole line".into()));
+        }
+        if self.method == "net" {
+            let params = NetworkParams::new(*params.search()).map_err(|error| Error::Usage(error.to_string()))?;
+            return Ok(Matching::Network(params));
+        }
         if self.method == "sgm" {
-            if self.tile_width.is_some() {
-                return Err(Error::Usage("--tile-width is for block matching: paths lead through the whole line".into()));
-            }
             let cost = SemiGlobalCost::Sad { block_size: self.search.block_size.unwrap_or(SemiGlobalCost::DEFAULT_BLOCK_SIZE) };
-            return Ok(Matching::SemiGlobal(SemiGlobalParams::new(*params.search(), cost)?));
+            let params = SemiGlobalParams::new(*params.search(), cost)?;
+            return Ok(match self.confidences {
+                true => Matching::WithConfidences(WholeLines::SemiGlobal(params)),
+                false => Matching::SemiGlobal(params),
+            });
+        }
+        if self.confidences {
+            return Ok(Matching::WithConfidences(WholeLines::Blocks(params)));
         }
         let tile_width = self.tile_width.unwrap_or(params.width());
         if !(1..=params.width()).contains(&tile_width) {
@@ -227,6 +259,11 @@ impl TargetOptions {
         }
     }
 
+    /// Average cycles per instruction, if they are known.
+    fn cycles_per_instruction(&self) -> Option<f64> {
+        self.cpi.or(self.core.cycles_per_instruction())
+    }
+
     /// Nanojoules of a cycle, if they are known.
     fn energy_per_cycle(&self) -> Option<f64> {
         self.nanojoules_per_cycle.or(self.core.nanojoules_per_cycle())
@@ -273,8 +310,11 @@ pub struct Prediction {
     /// `None`, as all that follows from it, if the model does not cover the match.
     instructions: Option<f64>,
     instructions_per_de: Option<f64>,
+    /// Those of all instructions that rectify lines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rectifying: Option<f64>,
     clock_mhz: f64,
-    cycles_per_instruction: f64,
+    cycles_per_instruction: Option<f64>,
     seconds: Option<f64>,
     /// Frames per second.
     fps: Option<f64>,
@@ -310,14 +350,18 @@ impl LongSearch {
 }
 
 impl Prediction {
-    /// Predicts a match on `target`.
-    pub fn new(target: &TargetOptions, matching: &Matching, ram: &Ram) -> Prediction {
+    /// Predicts a match on `target`, of lines that are rectified if `rectified` is set.
+    pub fn new(target: &TargetOptions, matching: &Matching, ram: &Ram, rectified: bool) -> Prediction {
         let search = matching.search();
         let processor = target.core;
         let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
-        let cycles_per_instruction = target.cpi.unwrap_or(processor.cycles_per_instruction());
-        let instructions = processor.instructions(matching).map(f64::round);
-        let cycles = instructions.map(|instructions| instructions * cycles_per_instruction);
+        let cycles_per_instruction = target.cycles_per_instruction();
+        let fetched =
+            |search: &SearchSpace| matching.tiles().count() * (1 + search.views().len()) * search.width() * search.height();
+        let price = processor.firmware_costs().rectified_pixel.filter(|_| rectified);
+        let rectifying = price.map(|price| (price * matching.searches().map(fetched).sum::<usize>() as f64).round());
+        let instructions = processor.instructions(matching).map(|matching| matching.round() + rectifying.unwrap_or_default());
+        let cycles = instructions.zip(cycles_per_instruction).map(|(instructions, cycles)| instructions * cycles);
         let seconds = cycles.map(|cycles| cycles / (clock_mhz * 1e6));
         let nanojoules_per_cycle = target.energy_per_cycle();
         Prediction {
@@ -340,6 +384,7 @@ impl Prediction {
             de: matching.evaluations(),
             instructions,
             instructions_per_de: instructions.map(|instructions| instructions / matching.evaluations() as f64),
+            rectifying,
             clock_mhz,
             cycles_per_instruction,
             seconds,
@@ -381,19 +426,23 @@ impl fmt::Display for Prediction {
         )?;
         writeln!(f, "{:>12}  bytes of flash at most, with constant parameters, packets and a log", self.flash)?;
         writeln!(f, "{:>12}  evaluations (DE: pixel x disparity x view)", self.de)?;
-        match (self.instructions, self.instructions_per_de, self.seconds, self.fps) {
-            (Some(instructions), Some(per_de), Some(seconds), Some(fps)) => {
-                writeln!(
-                    f,
-                    "{instructions:>12.0}  instructions on a {core}, predicted: {per_de:.2} per DE, without fetching lines"
-                )?;
-                writeln!(
-                    f,
-                    "{seconds:>12.4}  s at {} MHz and {} cycles per instruction: {fps:.3} frames per second",
-                    self.clock_mhz, self.cycles_per_instruction
-                )?;
-            }
-            _ => writeln!(f, "{:>12}  instructions, time and energy are not predicted for this match: see --help", "?")?,
+        if let (Some(instructions), Some(per_de)) = (self.instructions, self.instructions_per_de) {
+            let rectifying = self.rectifying.map(|count| format!(", {count:.0} to rectify lines")).unwrap_or_default();
+            writeln!(
+                f,
+                "{instructions:>12.0}  instructions on a {core}, predicted: {per_de:.2} per DE, without fetching lines{rectifying}"
+            )?;
+        } else {
+            writeln!(f, "{:>12}  instructions, time and energy are not predicted for this match: see --help", "?")?;
+        }
+        match (self.seconds, self.fps, self.cycles_per_instruction) {
+            (Some(seconds), Some(fps), Some(cycles)) => writeln!(
+                f,
+                "{seconds:>12.4}  s at {} MHz and {cycles} cycles per instruction: {fps:.3} frames per second",
+                self.clock_mhz
+            )?,
+            (.., None) => writeln!(f, "{:>12}  s and J: no cycles per instruction are known for {core}, see --cpi", "?")?,
+            _ => {}
         }
         match (self.joules, self.nanojoules_per_cycle) {
             (Some(joules), Some(nanojoules)) => {

@@ -32,14 +32,15 @@ pub struct Prices {
 impl Prices {
     /// The instructions of a match on a processor. Sending is included, fetching lines is not.
     ///
-    /// `None` if there are no prices for the kernel.
+    /// `None` if there are no prices for the match.
     pub fn instructions(&self, matching: &Matching, processor: Processor) -> Option<f64> {
         let Workload { units, candidates } = Workload::new(matching, processor)?;
         let mut sum = added(units.to_array(), self.units.to_array());
         for (kernel, candidates) in candidates {
             sum += added(candidates.to_array(), self.candidates.get(&kernel)?.to_array());
         }
-        Some(sum)
+        // Without prices nothing is known.
+        (sum > 0.0).then_some(sum)
     }
 }
 
@@ -60,13 +61,13 @@ mod tests {
             SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(20, 17) }
                 .block_matching(3)
                 .unwrap();
-        let mut prices = Prices { units: WorkUnits { pixel: 10.0, packet: 3.0, ..WorkUnits::default() }, ..Prices::default() };
+        let mut prices = Prices { units: WorkUnits { slid: 10.0, packet: 3.0, ..WorkUnits::default() }, ..Prices::default() };
         let matching = Matching::Blocks { params, tile_width: 20 };
         assert_eq!(prices.instructions(&matching, Processor::CortexM4), None);
-        prices.candidates.insert("2-min".into(), CandidateUnits { moved: 2.0, ..CandidateUnits::default() });
+        prices.candidates.insert("2-min".into(), CandidateUnits { pixel: 2.0, ..CandidateUnits::default() });
         assert_eq!(
             prices.instructions(&matching, Processor::CortexM4),
-            Some(10.0 * 340.0 + 3.0 * 17.0 + 2.0 * 22.0 * 17.0 * 8.0)
+            Some(10.0 * 2.0 * 17.0 * 8.0 * 2.0 + 3.0 * 17.0 + 2.0 * 340.0)
         );
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use multiscopic_core::{BlockMatchingParams, SearchSpace, View, kernel::Rule};
-use multiscopic_edge::Matching;
+use multiscopic_edge::{Matching, WholeLines};
 use serde::{Deserialize, Serialize};
 
 use crate::target::Processor;
@@ -18,60 +18,93 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// Counts the work of a match on a processor. `None` for the census and for confidences: the model has no units for them.
-    /// Nor for the mean of more than four views, which is computed exactly, one candidate at a time, where views are
-    /// unavailable.
+    /// Counts the work of a match on a processor. `None` for the census: the model has no units for it.
     pub fn new(matching: &Matching, processor: Processor) -> Option<Workload> {
         let search = matching.search();
-        if search.views().len() > 4 && Rule::new(search.fusion(), search.views().len()) == Rule::Sum {
-            return None;
-        }
+        let (pixels, depth) = (count(search.width() * search.height()), count(depth(search, processor)));
         let passes = matching.tiles().count();
         let mut work = match matching {
-            Matching::AroundPrior { short, long } => Workload::of_blocks(short, short.min_disparity(), passes, processor)
+            Matching::AroundPrior { short, long } => Workload::of_blocks(short, short.min_disparity(), passes, processor, "")
                 .plus(Workload::around(long, short, processor)),
-            Matching::WithConfidences(_) | Matching::Network(_) => return None,
-            Matching::Blocks { .. } | Matching::SemiGlobal(_) => {
+            Matching::Network(_) => {
+                let units = WorkUnits {
+                    network_pixel: pixels,
+                    network_view: pixels * count(search.views().len()),
+                    network: pixels * count(search.num_disparities()),
+                    ..WorkUnits::default()
+                };
+                Workload { units, candidates: Vec::new() }
+            }
+            Matching::WithConfidences(lines) => Workload::new(&lines.alone(), processor)?,
+            Matching::Blocks { .. } => {
                 let params = matching.block_matching()?;
-                Workload::of_blocks(&params, params.min_disparity(), passes, processor)
+                Workload::of_blocks(&params, params.min_disparity(), passes, processor, "")
+            }
+            Matching::SemiGlobal(_) => {
+                let params = matching.block_matching()?;
+                Workload::of_blocks(&params, params.min_disparity(), passes, processor, "-paths")
             }
         };
-        let (pixels, depth) = (count(search.width() * search.height()), count(depth(search, processor)));
         let units = &mut work.units;
-        (units.packet, units.sent) = (count(passes * search.height()), pixels);
-        if let Matching::SemiGlobal(_) = matching {
-            (units.path_pixel, units.pixel) = (units.pixel, 0.0);
-            let paths = if is_unrolled(search, processor) { &mut units.path_unrolled } else { &mut units.path };
-            *paths = pixels * depth;
+        let bytes = if matching.has_confidences() { 3.0 } else { 2.0 };
+        (units.packet, units.sent) = (count(passes * search.height()), bytes * pixels);
+        match matching {
+            Matching::SemiGlobal(_) => {
+                units.path_pixel = pixels;
+                let paths = if is_unrolled(search, processor) { &mut units.path_unrolled } else { &mut units.path };
+                *paths = pixels * depth;
+            }
+            Matching::WithConfidences(WholeLines::Blocks(_)) => {
+                (units.confidence, units.peak) = (pixels, pixels * depth);
+            }
+            Matching::WithConfidences(WholeLines::SemiGlobal(_)) => {
+                (units.path_confidence, units.path_peak) = (pixels, pixels * depth);
+            }
+            Matching::Blocks { .. } | Matching::AroundPrior { .. } | Matching::Network(_) => {}
         }
         Some(work)
     }
 
-    /// The work of block matching from disparity `first` on in so many passes, without sending.
-    fn of_blocks(params: &BlockMatchingParams, first: i16, passes: usize, processor: Processor) -> Workload {
-        let (height, views, block) = (count(params.height()), count(params.views().len()), count(params.block_size()));
-        // Columns under the blocks of a line, in all tiles.
+    /// The work of block matching from disparity `first` on in so many passes, without sending, by the loops of a name that
+    /// ends so.
+    fn of_blocks(params: &BlockMatchingParams, first: i16, passes: usize, processor: Processor, suffix: &str) -> Workload {
+        let (lines, views, block) = (count(passes * params.height()), count(params.views().len()), count(params.block_size()));
+        let places = count(params.views().places());
+        // Columns under the blocks of a line, in all tiles. The block slides over the first of a tile before its first pixel.
         let span = count(params.width()) + count(passes) * (block - 1.0);
+        let first_columns = lines * (block - 1.0);
         let depth = count(depth(params.search(), processor));
-        let PixelCounts { complete, masked, segmented, segments } =
-            PixelCounts::new(params, first, masks_sums(params, processor));
+        let counts = PixelCounts::new(params, first, processor);
+        let pixels = count(params.width() * params.height());
+        let is_wide = is_wide(params);
+        let slid = (first_columns + pixels) * places * depth;
         let units = WorkUnits {
-            line: count(passes) * height,
-            column: span * height,
-            column_view: span * height * views,
-            pixel: count(params.width()) * height,
-            border_pixel: count(masked + segmented),
-            segment: count(segments),
-            primed: block * span * depth * views,
+            pass: count(passes),
+            line: lines,
+            line_view: lines * views,
+            column_view: span * count(params.height()) * views,
+            first_column: first_columns,
+            first_column_view: first_columns * places,
+            slid: if is_wide { 0.0 } else { first_columns * places * depth },
+            slid_wide: if is_wide { first_columns * places * depth } else { 0.0 },
+            looped: if is_slide_looped(params, processor) { slid } else { 0.0 },
+            changed_view: count(counts.changed_views),
+            uncovered: count(counts.uncovered),
+            segment: count(counts.segments),
+            searched: if is_wide { 0.0 } else { count(counts.searched) * depth },
+            searched_wide: if is_wide { count(counts.searched) * depth } else { 0.0 },
+            primed_column: block * span * places,
+            primed: block * span * depth * places,
             ..WorkUnits::default()
         };
         let candidates = CandidateUnits {
-            moved: span * height * depth,
-            fused: count(complete) * depth,
-            masked: count(masked) * depth,
-            segmented: count(segmented) * depth,
+            pixel: pixels,
+            fused: count(counts.complete) * depth,
+            hidden: count(counts.hidden) * depth,
+            masked: count(counts.masked) * depth,
+            segmented: count(counts.segmented),
         };
-        Workload { units, candidates: vec![(kernel_name(params, processor), candidates)] }
+        Workload { units, candidates: vec![(kernel_name(params, processor) + suffix, candidates)] }
     }
 
     /// The work of block matching around the disparities of an earlier match. All are taken to be in the middle of its range.
@@ -79,11 +112,7 @@ impl Workload {
         let around = long.around(earlier.search());
         let middle = (earlier.min_disparity() + earlier.max_disparity()) / 2;
         let first = around.min_disparity() + i16::from(long.views().multiple()) * middle;
-        let Workload { units, candidates } = Workload::of_blocks(&around, first, 1, processor);
-        Workload {
-            units: WorkUnits { prior: units.pixel, pixel: 0.0, ..units },
-            candidates: candidates.into_iter().map(|(kernel, candidates)| (format!("{kernel}-around"), candidates)).collect(),
-        }
+        Workload::of_blocks(&around, first, 1, processor, "-around")
     }
 
     /// Both, one after the other.
@@ -103,9 +132,26 @@ fn depth(search: &SearchSpace, processor: Processor) -> usize {
     search.num_disparities().next_multiple_of(processor.lanes())
 }
 
+/// The number of vectors that hold the disparities.
+fn vectors(search: &SearchSpace, processor: Processor) -> usize {
+    search.num_disparities().div_ceil(processor.lanes())
+}
+
 /// Returns true if kernels have separate loops for as many vectors.
 fn is_unrolled(search: &SearchSpace, processor: Processor) -> bool {
-    search.num_disparities().div_ceil(processor.lanes()) == 4
+    processor.has_kernel() && vectors(search, processor) == 4
+}
+
+/// Returns true if the processor's kernel slides blocks of as many vectors in a loop. It has code without one for few of them.
+fn is_slide_looped(params: &BlockMatchingParams, processor: Processor) -> bool {
+    let has_few_views = params.views().places() <= 4;
+    let is_straight = match vectors(params.search(), processor) {
+        1 | 2 => true,
+        4 => has_few_views || processor != Processor::CortexM55,
+        8 => has_few_views && processor != Processor::CortexM55,
+        _ => false,
+    };
+    processor.has_kernel() && !is_wide(params) && !is_straight
 }
 
 /// Returns true if the processor's kernel masks sums where views are unavailable. Lanes of 32 bits are fused by segments.
@@ -143,40 +189,72 @@ pub fn kernel_name(params: &BlockMatchingParams, processor: Processor) -> String
 struct PixelCounts {
     /// All views are available at all disparities.
     complete: usize,
-    /// Some views are unavailable, and are masked.
+    /// One view is unavailable, and is masked.
+    hidden: usize,
+    /// Several views are unavailable, and are masked; or costs are fused one by one.
     masked: usize,
-    /// Some views are unavailable, and costs are fused by segments.
+    /// Candidates in the vectors that segments reach into, in pixels that are fused by segments.
     segmented: usize,
-    /// The segments of the segmented pixels.
+    /// The segments of these pixels.
     segments: usize,
+    /// Pixels whose fused costs are searched for the least by themselves.
+    searched: usize,
+    /// Pixels with disparities at which no view is available.
+    uncovered: usize,
+    /// Views whose availability changes from one pixel to the next.
+    changed_views: usize,
 }
 
 impl PixelCounts {
-    /// Counts the pixels of a match from disparity `first` on, with a kernel that masks sums, or fuses them by segments.
-    fn new(params: &BlockMatchingParams, first: i16, masks_sums: bool) -> PixelCounts {
+    /// Counts the pixels of a match from disparity `first` on.
+    fn new(params: &BlockMatchingParams, first: i16, processor: Processor) -> PixelCounts {
         let places = params.views().places();
         let rule = Rule::new(params.fusion(), places);
-        let all = 0..params.num_disparities() as u16;
+        let masks_sums = masks_sums(params, processor) && rule == Rule::Sum;
+        // Firmware of up to four views has no loop for half of them, and lanes do not divide by five or seven.
+        let is_exact = rule == Rule::Half && places <= 4;
+        let border_is_exact = is_exact || rule == Rule::Sum && places > 4;
+        let (all, lanes) = (0..params.num_disparities() as u16, processor.lanes());
+        let is_padded = !params.num_disparities().is_multiple_of(lanes) && !is_exact;
         let mut counts = PixelCounts::default();
+        let mut last = Vec::new();
         for (u, v) in (0..params.height()).flat_map(|v| (0..params.width()).map(move |u| (u, v))) {
-            let ranges = || params.views().iter().map(|view| available(params, first, view, u, v));
+            let ranges: Vec<_> = params.views().iter().map(|view| available(params, first, view, u, v)).collect();
+            counts.changed_views += ranges.iter().enumerate().filter(|&(k, range)| last.get(k) != Some(range)).count();
             // Places without a view are never available.
-            match ranges().filter(|range| *range != all).count() + places - params.views().len() {
-                0 => counts.complete += 1,
-                _ if masks_sums && rule == Rule::Sum => counts.masked += 1,
+            match ranges.iter().filter(|range| **range != all).count() + places - params.views().len() {
+                0 => {
+                    counts.complete += 1;
+                    counts.searched += usize::from(is_padded);
+                }
+                _ if border_is_exact => counts.masked += 1,
+                1 if masks_sums || rule.masks(places, 1) => counts.hidden += 1,
+                _ if masks_sums => counts.masked += 1,
                 incomplete if rule.masks(places, incomplete) => counts.masked += 1,
                 _ => {
-                    counts.segmented += 1;
-                    let mut cuts: Vec<u16> = ranges().flat_map(|range| [range.start, range.end]).collect();
-                    cuts.extend([all.start, all.end]);
-                    cuts.sort_unstable();
-                    cuts.dedup();
-                    counts.segments += cuts.len() - 1;
+                    counts.searched += 1;
+                    for (start, end) in segments(&ranges, &all) {
+                        counts.segments += 1;
+                        counts.segmented += lanes * (usize::from(end).div_ceil(lanes) - usize::from(start) / lanes);
+                    }
                 }
             }
+            let is_covered = segments(&ranges, &all).all(|(start, _)| ranges.iter().any(|range| range.contains(&start)));
+            counts.uncovered += usize::from(!is_covered);
+            last = ranges;
         }
         counts
     }
+}
+
+/// The segments of `all` disparities in which the same views are available.
+fn segments(ranges: &[Range<u16>], all: &Range<u16>) -> impl Iterator<Item = (u16, u16)> + use<> {
+    let mut cuts: Vec<u16> = ranges.iter().flat_map(|range| [range.start, range.end]).collect();
+    cuts.extend([all.start, all.end]);
+    cuts.sort_unstable();
+    cuts.dedup();
+    let ends = cuts.clone().into_iter().skip(1);
+    cuts.into_iter().zip(ends)
 }
 
 /// The disparities, counted from the first, at which a view is available at a pixel.
@@ -184,113 +262,109 @@ fn available(params: &BlockMatchingParams, first: i16, view: View, u: usize, v: 
     view.available((u, v), (params.width(), params.height()), first, params.num_disparities())
 }
 
-/// The number of times that each unit of work is done; or its price, in instructions.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct WorkUnits {
-    /// Disparity lines, one for each line of each tile.
-    pub line: f64,
-    /// Columns that the block advances by: in each line, those of the tile and of the block's radius on both
-    /// sides.
-    pub column: f64,
-    /// The same for each view: samples are read, and running sums updated.
-    pub column_view: f64,
-    /// Pixels of block matching.
-    pub pixel: f64,
-    /// Pixels of semi-global matching.
-    pub path_pixel: f64,
-    /// Candidates of semi-global matching, through which paths lead. Their number is rounded up to whole
-    /// vectors.
-    pub path: f64,
-    /// The same where there are four vectors, for which kernels have separate loops.
-    pub path_unrolled: f64,
-    /// Pixels at which some view is unavailable at some disparity.
-    pub border_pixel: f64,
-    /// Segments in pixels that are fused by segments: runs of disparities at which the same views are
-    /// available.
-    pub segment: f64,
-    /// Candidates in columns that fill the first blocks of a tile, for each view.
-    pub primed: f64,
-    /// Pixels of block matching around a prior.
-    pub prior: f64,
-    /// Packets.
-    pub packet: f64,
-    /// Pixels in packets.
-    pub sent: f64,
-}
+/// Defines the units of work, and their names and numbers in order.
+macro_rules! units {
+    ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $field:ident,)+ }) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct $name { $($(#[$doc])* pub $field: f64,)+ }
 
-impl WorkUnits {
-    /// The names of the units, in the order of the fields.
-    pub const NAMES: [&str; 13] = [
-        "line",
-        "column",
-        "column_view",
-        "pixel",
-        "path_pixel",
-        "path",
-        "path_unrolled",
-        "border_pixel",
-        "segment",
-        "primed",
-        "prior",
-        "packet",
-        "sent",
-    ];
+        impl $name {
+            /// The names of the units, in the order of the fields.
+            pub const NAMES: [&str; [$(stringify!($field)),+].len()] = [$(stringify!($field)),+];
 
-    /// The numbers, in the order of the fields.
-    pub fn to_array(&self) -> [f64; Self::NAMES.len()] {
-        let WorkUnits { line, column, column_view, pixel, path_pixel, path, path_unrolled, .. } = *self;
-        let WorkUnits { border_pixel, segment, primed, prior, .. } = *self;
-        let WorkUnits { packet, sent, .. } = *self;
-        [line, column, column_view, pixel, path_pixel, path, path_unrolled, border_pixel, segment, primed, prior, packet, sent]
-    }
+            /// The numbers, in the order of the fields.
+            pub fn to_array(&self) -> [f64; Self::NAMES.len()] {
+                [$(self.$field),+]
+            }
 
-    /// Takes numbers in the order of the fields.
-    pub fn from_array(numbers: [f64; Self::NAMES.len()]) -> WorkUnits {
-        let [line, column, column_view, pixel, path_pixel, path, path_unrolled, rest @ ..] = numbers;
-        let [border_pixel, segment, primed, prior, packet, sent] = rest;
-        WorkUnits {
-            line,
-            column,
-            column_view,
-            pixel,
-            path_pixel,
-            path,
-            path_unrolled,
-            border_pixel,
-            segment,
-            primed,
-            prior,
-            packet,
-            sent,
+            /// Takes numbers in the order of the fields.
+            pub fn from_array(numbers: [f64; Self::NAMES.len()]) -> $name {
+                let [$($field),+] = numbers;
+                $name { $($field),+ }
+            }
         }
+    };
+}
+
+units! {
+    /// The number of times that each unit of work is done; or its price, in instructions.
+    WorkUnits {
+        /// Passes over the frame, one for each tile.
+        pass,
+        /// Disparity lines, one for each line of each tile.
+        line,
+        /// The same for each view.
+        line_view,
+        /// Columns under the blocks of a line, those of the block's radius on both sides of each tile too, for each view: samples are
+        /// read.
+        column_view,
+        /// Columns over which the block slides before the first pixel of a line.
+        first_column,
+        /// The same for each view.
+        first_column_view,
+        /// Candidates in these columns, for each view. Here and below, the number of disparities is rounded up to whole vectors.
+        slid,
+        /// The same where block sums need 32 bits.
+        slid_wide,
+        /// Candidates over which blocks slide in a loop over vectors, in all columns, for each view.
+        looped,
+        /// Views whose availability changes from one pixel to the next.
+        changed_view,
+        /// Pixels with disparities at which no view is available.
+        uncovered,
+        /// Segments in pixels that are fused by segments: runs of disparities at which the same views are available.
+        segment,
+        /// Candidates among which the least is found after they are fused: in segments, and in vectors that are not full.
+        searched,
+        /// The same where block sums need 32 bits.
+        searched_wide,
+        /// Columns that fill the first blocks of a tile, for each line of the block and each view.
+        primed_column,
+        /// Candidates in these.
+        primed,
+        /// Pixels of semi-global matching.
+        path_pixel,
+        /// Candidates of semi-global matching, through which paths lead.
+        path,
+        /// The same where there are four vectors, for which kernels have separate loops.
+        path_unrolled,
+        /// Pixels of block matching with confidences.
+        confidence,
+        /// Candidates among which block matching finds the next best one.
+        peak,
+        /// Pixels of semi-global matching with confidences.
+        path_confidence,
+        /// Candidates among which semi-global matching finds the next best one.
+        path_peak,
+        /// Pixels of the network.
+        network_pixel,
+        /// The same for each view.
+        network_view,
+        /// Candidates of the network.
+        network,
+        /// Packets.
+        packet,
+        /// Bytes in packets.
+        sent,
     }
 }
 
-/// The number of candidates that each loop processes; or the price of one, in instructions. A candidate is a disparity
-/// of a column or pixel; their number is rounded up to whole vectors.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CandidateUnits {
-    /// In columns that the block advances by.
-    pub moved: f64,
-    /// In pixels at which all views are available at all disparities.
-    pub fused: f64,
-    /// In pixels at which unavailable views are masked.
-    pub masked: f64,
-    /// In pixels that are fused by segments.
-    pub segmented: f64,
-}
-
-impl CandidateUnits {
-    /// The numbers, in the order of the fields.
-    pub fn to_array(&self) -> [f64; 4] {
-        [self.moved, self.fused, self.masked, self.segmented]
-    }
-
-    /// Takes numbers in the order of the fields.
-    pub fn from_array([moved, fused, masked, segmented]: [f64; 4]) -> CandidateUnits {
-        CandidateUnits { moved, fused, masked, segmented }
+units! {
+    /// The number of pixels and candidates that each loop processes; or the price of one, in instructions. A candidate is a
+    /// disparity of a pixel; their number is rounded up to whole vectors.
+    CandidateUnits {
+        /// Pixels.
+        pixel,
+        /// Candidates in pixels at which all views are available at all disparities.
+        fused,
+        /// Those in pixels at which one unavailable view is masked.
+        hidden,
+        /// Those in pixels at which several unavailable views are masked, or that are fused one by one.
+        masked,
+        /// Those in pixels that are fused by segments.
+        segmented,
     }
 }
 
@@ -309,11 +383,10 @@ mod tests {
         let params = params(Views::CROSS, Fusion::Heuristic, 1, 6, 5);
         let [whole, tiled] =
             [20, 8].map(|tile_width| Workload::new(&Matching::Blocks { params, tile_width }, Processor::CortexM4).unwrap());
-        assert_eq!((whole.units.line, whole.units.column), (17.0, 24.0 * 17.0));
-        assert_eq!((tiled.units.line, tiled.units.column), (51.0, 32.0 * 17.0));
-        let [(_, in_whole), (_, in_tiles)] = [&whole, &tiled].map(|work| &work.candidates[0]);
-        assert_eq!(in_whole.moved, 24.0 * 17.0 * 8.0);
-        assert_eq!((in_whole.fused, whole.units.pixel), (in_tiles.fused, tiled.units.pixel));
+        assert_eq!((whole.units.line, whole.units.column_view), (17.0, 24.0 * 17.0 * 4.0));
+        assert_eq!((tiled.units.line, tiled.units.column_view), (51.0, 32.0 * 17.0 * 4.0));
+        assert_eq!((whole.units.slid, tiled.units.slid), (4.0 * 17.0 * 8.0 * 4.0, 3.0 * 4.0 * 17.0 * 8.0 * 4.0));
+        assert_eq!(whole.candidates, tiled.candidates);
     }
 
     #[test]
@@ -325,9 +398,9 @@ mod tests {
         };
         let [m4, m55, wide] = [(5, Processor::CortexM4), (5, Processor::CortexM55), (17, Processor::CortexM55)]
             .map(|(block_size, processor)| candidates(block_size, processor));
-        assert!(m55.masked > 0.0 && m55.segmented == 0.0);
-        assert_eq!((m4.masked, m4.segmented), (0.0, m55.masked));
-        assert_eq!((wide.masked, wide.segmented), (0.0, m55.masked));
+        assert!(m55.masked > 0.0 && m55.hidden > 0.0 && m55.segmented == 0.0);
+        assert!(m4.segmented > 0.0 && m4.masked + m4.hidden == 0.0);
+        assert_eq!(CandidateUnits { pixel: m4.pixel, ..wide }, m4);
     }
 
     #[test]
@@ -335,10 +408,11 @@ mod tests {
         let [work, unrolled] = [6, 32].map(|num_disparities| {
             let search = *params(Views::CROSS, Fusion::Min, 1, num_disparities, 5).search();
             let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 5 }).unwrap();
-            Workload::new(&Matching::SemiGlobal(params), Processor::CortexM4).unwrap().units
+            Workload::new(&Matching::SemiGlobal(params), Processor::CortexM4).unwrap()
         });
-        assert_eq!((work.pixel, work.path_pixel, work.path, work.path_unrolled), (0.0, 340.0, 340.0 * 8.0, 0.0));
-        assert_eq!((unrolled.path, unrolled.path_unrolled), (0.0, 340.0 * 32.0));
+        assert_eq!((work.units.path_pixel, work.units.path, work.units.path_unrolled), (340.0, 340.0 * 8.0, 0.0));
+        assert_eq!((unrolled.units.path, unrolled.units.path_unrolled), (0.0, 340.0 * 32.0));
+        assert_eq!((&*work.candidates[0].0, &*unrolled.candidates[0].0), ("4-min-paths", "4-min-unrolled-paths"));
     }
 
     #[test]
@@ -347,13 +421,12 @@ mod tests {
         let far = [View::new(-3, 0).unwrap(), View::new(3, 0).unwrap()].into_iter().collect();
         let long = params(far, Fusion::Min, -4, 8, 5);
         let work = Workload::new(&Matching::AroundPrior { short, long }, Processor::CortexM4).unwrap();
-        assert_eq!((work.units.pixel, work.units.prior, work.units.sent), (340.0, 340.0, 340.0));
-        assert_eq!((work.units.line, work.units.packet), (34.0, 17.0));
+        assert_eq!((work.units.line, work.units.packet, work.units.sent), (34.0, 17.0, 680.0));
         let [(kernel, _), (around, candidates)] = &work.candidates[..] else { panic!("{work:?}") };
         assert_eq!((kernel.as_str(), around.as_str()), ("2-min", "2-min-around"));
         // A prior of 1 is 3 pixels at three baselines: -1 to 6 are searched, so that 6 columns do not see all of the view on
         // the right, and as many that on the left.
-        assert_eq!((candidates.fused, candidates.masked), (8.0 * 17.0 * 8.0, 12.0 * 17.0 * 8.0));
+        assert_eq!((candidates.fused, candidates.hidden), (8.0 * 17.0 * 8.0, 12.0 * 17.0 * 8.0));
     }
 
     #[test]
@@ -394,25 +467,33 @@ mod tests {
         let searches = [(1, 4), (0, 9), (-3, 5), (-6, 3), (2, 40)];
         for (views, (min, num)) in sets.into_iter().flat_map(|views| searches.map(|search| (views, search))) {
             let mean = params(views, Fusion::Mean, min, num, 3);
-            let (mut complete, mut border, mut segments) = (0, 0, 0);
+            let (mut complete, mut border, mut segments, mut uncovered) = (0, 0, 0, 0);
             for (u, v) in (0..mean.height()).flat_map(|v| (0..mean.width()).map(move |u| (u, v))) {
                 let mut runs: Vec<Vec<View>> = (min..=mean.max_disparity()).map(|d| available_views(&mean, u, v, d)).collect();
                 runs.dedup();
+                uncovered += usize::from(runs.iter().any(Vec::is_empty));
                 match runs.len() {
                     1 if runs[0].len() == views.len() => complete += 1,
                     runs => (border, segments) = (border + 1, segments + runs),
                 }
             }
-            let masked = PixelCounts { complete, masked: border, segmented: 0, segments: 0 };
+            let counted = |fusion, processor| PixelCounts::new(&params(views, fusion, min, num, 3), min, processor);
+            let found = counted(Fusion::Mean, Processor::CortexM4);
             // With one view, every fusion is the minimum.
-            let expected =
-                if views.len() == 1 { masked } else { PixelCounts { complete, masked: 0, segmented: border, segments } };
-            assert_eq!(PixelCounts::new(&mean, min, false), expected, "{mean:?}");
-            assert_eq!(PixelCounts::new(&mean, min, true), masked);
-            assert_eq!(PixelCounts::new(&params(views, Fusion::Min, min, num, 3), min, false), masked);
+            match views.len() {
+                1 => assert_eq!((found.complete, found.hidden), (complete, border), "{mean:?}"),
+                _ => {
+                    assert_eq!((found.complete, found.hidden + found.masked, found.segments), (complete, 0, segments), "{mean:?}")
+                }
+            }
+            for (fusion, processor) in [(Fusion::Mean, Processor::CortexM55), (Fusion::Min, Processor::CortexM4)] {
+                let found = counted(fusion, processor);
+                assert_eq!((found.complete, found.hidden + found.masked, found.segments), (complete, border, 0), "{mean:?}");
+                assert_eq!(found.uncovered, uncovered, "{mean:?}");
+            }
         }
-        let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3), 1, true);
-        assert!(heuristic.masked > 0 && heuristic.segmented > 0, "{heuristic:?}");
+        let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3), 1, Processor::CortexM55);
+        assert!(heuristic.hidden > 0 && heuristic.segmented > 0, "{heuristic:?}");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! but not the registers of a multiple transfer, nor that an isolated load takes two cycles. The Cortex-M7 and M55 overlap
 //! instructions: they have LLVM's scheduling models, which `llvm-mca` runs instructions through.
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use multiscopic::Processor;
 use serde_json::Value;
 use std::{collections::BTreeMap, fmt::Write, fs, path::Path};
@@ -153,6 +153,7 @@ impl Instruction {
 pub fn added<'a>(processor: Processor, pairs: impl Iterator<Item = [&'a [&'a Instruction]; 2]>) -> Result<Vec<u64>> {
     let sequences: Vec<_> = pairs.flat_map(|pair| [pair[0].to_vec(), pair.concat()]).collect();
     let cycles = match processor {
+        Processor::CortexM0Plus | Processor::Rv32imac => bail!("no cycles are known for {}", processor.name()),
         Processor::CortexM4 | Processor::CortexM33 => sequences.iter().map(|sequence| cortex_m4_cycles(sequence)).collect(),
         Processor::CortexM7 => CORTEX_M7.cycles(&sequences)?,
         Processor::CortexM55 => CORTEX_M55.cycles(&sequences)?,
@@ -165,7 +166,7 @@ pub fn added<'a>(processor: Processor, pairs: impl Iterator<Item = [&'a [&'a Ins
 pub fn refill(processor: Processor, branch: &Instruction) -> u64 {
     match processor {
         // Arm's manual says 1 to 3, by the alignment and width of the target.
-        Processor::CortexM4 | Processor::CortexM33 => 2,
+        Processor::CortexM4 | Processor::CortexM33 | Processor::CortexM0Plus | Processor::Rv32imac => 2,
         // Branches are predicted.
         Processor::CortexM7 => 0,
         // The end of a low-overhead loop fetches the loop's beginning in advance.
@@ -178,7 +179,7 @@ pub fn refill(processor: Processor, branch: &Instruction) -> u64 {
 /// The cycles of an additional access to memory, if an unaligned one is split into aligned ones.
 pub fn split(processor: Processor) -> u64 {
     match processor {
-        Processor::CortexM4 | Processor::CortexM33 => 1,
+        Processor::CortexM4 | Processor::CortexM33 | Processor::CortexM0Plus | Processor::Rv32imac => 1,
         // 64 bits wide, they load most unaligned words at once. How many they do not is left out.
         Processor::CortexM7 | Processor::CortexM55 => 0,
     }

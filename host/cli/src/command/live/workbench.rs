@@ -235,7 +235,7 @@ fn prediction(plan: &TunedMatch, processor: Processor) -> std::result::Result<Pr
         }
         _ => return Err(format!("{name} does not run on microcontrollers: bm does, and sgm by sad.")),
     };
-    Ok(Prediction::new(&TargetOptions::of(processor), &matching, &Ram::new(&matching, processor)))
+    Ok(Prediction::new(&TargetOptions::of(processor), &matching, &Ram::new(&matching, processor), false))
 }
 
 /// Tells pages how far a match has come, and ends it if it is no longer asked for.

@@ -105,7 +105,7 @@ impl Program {
 
 /// The cargo command that builds `programs` for `board`, which have the same [setting](Program::setting).
 pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Command {
-    let mut cargo = toolchain.cargo("build");
+    let mut cargo = toolchain.cargo_in(&folder(board, programs), "build");
     cargo.args(["--profile", "firmware", "--package", "multiscopic-firmware", "--target", board.target]);
     cargo.env("RUSTFLAGS", board.rustflags);
     let (features, environment) = programs.first().map(Program::setting).unwrap_or_default();
@@ -118,9 +118,18 @@ pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program
     cargo
 }
 
+/// The folder of what is built. Matches to calibrate have one for each board, so that boards build side by side.
+fn folder(board: &EmulatedBoard, programs: &[Program]) -> PathBuf {
+    match programs.first() {
+        Some(Program::Calibrations(_) | Program::ArrayCalibrations(_)) => {
+            system::edge_target().join("price-fit").join(board.name)
+        }
+        _ => system::edge_target(),
+    }
+}
+
 /// Builds `programs` for `board`, and returns their paths.
 pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Result<Vec<PathBuf>> {
-    let built = system::edge_target().join(board.target).join("firmware");
     let kept = system::edge_target().join("images").join(board.name);
     fs::create_dir_all(&kept)?;
     let mut together = BTreeMap::<_, Vec<Program>>::new();
@@ -129,6 +138,7 @@ pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program])
     }
     for programs in together.values() {
         run(&mut command(toolchain, board, programs))?;
+        let built = folder(board, programs).join(board.target).join("firmware");
         // Keep copies: the next images have the same paths.
         for program in programs {
             let from = built.join(program.built());

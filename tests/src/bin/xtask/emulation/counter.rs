@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use object::{Object, ObjectSymbol, read::elf::ElfFile32};
+use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
     env, fs,
@@ -29,7 +30,7 @@ pub struct Counter {
 }
 
 /// Instructions by phase.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Instructions {
     /// Matching.
     pub matching: u64,

@@ -10,8 +10,8 @@ pub struct EmulatedBoard {
     pub name: &'static str,
     /// Its processor.
     pub core: &'static str,
-    /// The processor in budgets, if there are any for it.
-    pub processor: Option<Processor>,
+    /// The processor in budgets.
+    pub processor: Processor,
     /// The firmware's feature that selects its memory layout; `None` for the reference board.
     pub feature: Option<&'static str>,
     /// Its processor's Rust target.
@@ -37,7 +37,7 @@ impl EmulatedBoard {
 pub const REFERENCE: EmulatedBoard = EmulatedBoard {
     name: "nrf52840",
     core: "Cortex-M4F",
-    processor: Some(Processor::CortexM4),
+    processor: Processor::CortexM4,
     feature: None,
     target: "thumbv7em-none-eabihf",
     rustflags: "",
@@ -50,7 +50,7 @@ pub const REFERENCE: EmulatedBoard = EmulatedBoard {
 pub const VECTORS: EmulatedBoard = EmulatedBoard {
     name: "an547",
     core: "Cortex-M55",
-    processor: Some(Processor::CortexM55),
+    processor: Processor::CortexM55,
     feature: Some("an547"),
     target: "thumbv8m.main-none-eabihf",
     rustflags: "-Ctarget-cpu=cortex-m55",
@@ -63,7 +63,7 @@ pub const VECTORS: EmulatedBoard = EmulatedBoard {
 const M7: EmulatedBoard = EmulatedBoard {
     name: "stm32h743",
     core: "Cortex-M7",
-    processor: Some(Processor::CortexM7),
+    processor: Processor::CortexM7,
     feature: Some("stm32h743"),
     machine: "mps2-an500",
     ram: 512 * 1024,
@@ -74,7 +74,7 @@ const M7: EmulatedBoard = EmulatedBoard {
 pub const PICO: EmulatedBoard = EmulatedBoard {
     name: "rp2350",
     core: "Cortex-M33",
-    processor: Some(Processor::CortexM33),
+    processor: Processor::CortexM33,
     feature: Some("rp2350"),
     target: "thumbv8m.main-none-eabihf",
     rustflags: "-Ctarget-cpu=cortex-m33",
@@ -87,7 +87,7 @@ pub const PICO: EmulatedBoard = EmulatedBoard {
 pub const RISC_V: EmulatedBoard = EmulatedBoard {
     name: "rp2350-riscv",
     core: "RV32IMAC",
-    processor: None,
+    processor: Processor::Rv32imac,
     feature: Some("rp2350-riscv"),
     target: "riscv32imac-unknown-none-elf",
     rustflags: "",
@@ -101,7 +101,7 @@ pub const RISC_V: EmulatedBoard = EmulatedBoard {
 pub const SMALL: EmulatedBoard = EmulatedBoard {
     name: "rp2040",
     core: "Cortex-M0+",
-    processor: None,
+    processor: Processor::CortexM0Plus,
     feature: Some("rp2040"),
     target: "thumbv6m-none-eabi",
     machine: "mps2-an385",
@@ -120,8 +120,8 @@ pub const ARM: [EmulatedBoard; 6] = [
 
 /// One board per processor that has a kernel of its own.
 pub fn one_per_processor() -> impl Iterator<Item = (Processor, &'static EmulatedBoard)> {
-    Processor::ALL.into_iter().filter_map(|processor| {
-        let board = ARM.iter().find(|board| board.processor == Some(processor))?;
+    Processor::ALL.into_iter().filter(|processor| processor.has_kernel()).filter_map(|processor| {
+        let board = ARM.iter().find(|board| board.processor == processor)?;
         Some((processor, board))
     })
 }

@@ -38,8 +38,8 @@ impl ImageSet {
 
     /// The central `[width, height]` pixels of the demo's scene rendered at `[w, h]` pixels, with these views.
     pub fn demo_middle([w, h]: [usize; 2], [width, height]: [usize; 2], views: Views) -> ImageSet {
-        let shot = render_views(&Scene::demo(), &PinholeCamera::new(w as u32, h as u32), views, 1);
-        let frames = shot.frames(views).middle([width, height], views);
+        let camera = PinholeCamera { width: width as u32, height: height as u32, ..PinholeCamera::new(w as u32, h as u32) };
+        let frames = render_views(&Scene::demo(), &camera, views, 1).frames(views);
         let gray = |frame| frames.get(frame).map(|image| image.as_raw().clone());
         let cross = View::CROSS.map(|view| gray(Frame::View(view)));
         let others = views.iter().filter(|view| !View::CROSS.contains(view));

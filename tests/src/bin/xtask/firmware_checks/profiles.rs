@@ -4,7 +4,7 @@
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use multiscopic::target::{
-    FirmwareCostTable, FirmwareCosts, MEASURED, instruction_model::Workload, reception::ReceivedFrame, simulate,
+    FirmwareCostTable, MEASURED, Processor, instruction_model::Workload, reception::ReceivedFrame, simulate,
 };
 use multiscopic_core::Fusion;
 use multiscopic_edge::{Profile, frame_file, profile};
@@ -31,7 +31,7 @@ use crate::{
 };
 
 /// The largest error of the cost model, in percent.
-const MOST_OFF: f64 = 10.0;
+const MOST_OFF: f64 = 5.0;
 
 /// The rules that are measured with a profile: those for which microcontrollers have loops. [`Fusion::Half`] of up to four
 /// views is fused exactly, one candidate at a time.
@@ -91,11 +91,12 @@ pub struct Selection {
     /// Only the runs of `cargo xtask test`, which have each kernel, each matcher and each fusion rule at least once
     #[arg(long, conflicts_with = "fit")]
     sample: bool,
-    /// First fit the cost model of `multiscopic budget`, and write it and the measured RAM to
-    /// host/src/target/measured.toml; with --board rp2350 or an547, only for that board's instruction set
-    #[arg(long, conflicts_with_all = ["profile", "fusion"])]
+    /// Instead of the profiles, fit the cost model of `multiscopic budget`, write it to host/src/target/measured.toml, and
+    /// compare it with other matches; with --board, only for that board's instruction set
+    #[arg(long, conflicts_with_all = ["profile", "fusion", "update", "json"])]
     fit: bool,
-    /// Record the instructions per disparity evaluation instead of comparing them with the record
+    /// Record the instructions per disparity evaluation instead of comparing them with the record, and write the measured
+    /// memory to host/src/target/measured.toml
     #[arg(long)]
     update: bool,
     /// Write the measurements to this file
@@ -107,6 +108,11 @@ impl Selection {
     /// The [sample](SAMPLE).
     pub fn sample() -> Selection {
         Selection { sample: true, ..Selection::default() }
+    }
+
+    /// Returns true if nothing is left out: the memory of an instruction set is the most that any of its boards takes.
+    fn has_every_run(&self) -> bool {
+        self.profile.is_none() && self.fusion.is_none() && self.board.is_none() && !self.sample
     }
 
     /// The rules that run for a profile on a board.
@@ -122,7 +128,7 @@ impl Selection {
         wanted(&self.board, board.name)
             && wanted(&self.profile, profile.name)
             && profile.ram_budget <= board.ram
-            && (board.processor.is_some() || self.board.is_some() || is_shown)
+            && (board.processor.has_kernel() || self.board.is_some() || is_shown)
             && !self.fusions(board, profile).is_empty()
     }
 
@@ -175,19 +181,22 @@ struct Run {
 
 /// Builds the selected firmware, runs it, and reports.
 pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
+    if selection.fit {
+        return fit(selection);
+    }
     if selection.profile.as_deref() != Some(rectifying::NAME) {
         run_profiles(toolchain, selection)?;
     }
-    let boards = [&emulated_board::REFERENCE, &emulated_board::VECTORS];
+    let boards = [&emulated_board::REFERENCE, &emulated_board::PICO, &emulated_board::VECTORS];
     let boards: Vec<_> = boards.into_iter().filter(|board| selection.rectifies_on(board)).collect();
     let is_chosen = selection.profile.as_deref() == Some(rectifying::NAME);
-    ensure!(!(is_chosen && boards.is_empty()), "{} runs on nrf52840 and an547, with min", rectifying::NAME);
+    ensure!(!(is_chosen && boards.is_empty()), "{} runs on nrf52840, rp2350 and an547, with min", rectifying::NAME);
     if boards.is_empty() { Ok(()) } else { rectifying::run(toolchain, &boards, selection.update) }
 }
 
 fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     let counter = Counter::build()?;
-    let mut table = if selection.fit { fitted(toolchain, selection, &counter)? } else { MEASURED.clone() };
+    let mut table = MEASURED.clone();
     let runs = build(toolchain, selection)?;
     ensure!(!runs.is_empty(), "no selected board has enough RAM for a selected profile");
     let mut measurements = in_parallel(&runs, |run| {
@@ -195,9 +204,15 @@ fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
         println!("edge: {}: identical to this machine on {}", run.name(), measurement.images);
         Ok(measurement)
     })?;
-    if selection.fit {
+    if selection.update {
+        if selection.has_every_run() {
+            Processor::ALL
+                .into_iter()
+                .filter(|processor| processor.has_kernel())
+                .for_each(|processor| table.of_mut(processor).forget_memory());
+        }
         note_memory(&mut table, &runs, &measurements);
-        fs::write(system::root().join("host/src/target/measured.toml"), table.to_toml())?;
+        write(&table)?;
     }
     for (run, measurement) in runs.iter().zip(&mut measurements) {
         measurement.predict(run, &table);
@@ -217,28 +232,25 @@ fn counts(measurements: &[Measurement]) -> Counts {
     measurements.iter().map(|m| (name(m), m.instructions_per_de)).collect()
 }
 
-/// The table with fitted prices and without memory for the selected boards' instruction sets.
-fn fitted(toolchain: &Toolchain, selection: &Selection, counter: &Counter) -> Result<FirmwareCostTable> {
-    // The RAM of an instruction set is the most that any of its boards takes.
-    let is_alone = |name: &str| [emulated_board::PICO.name, emulated_board::VECTORS.name].contains(&name);
-    ensure!(selection.board.as_deref().is_none_or(is_alone), "--fit runs on rp2350, on an547 or on every board");
+/// Fits the cost model on the selected boards, and writes it.
+fn fit(selection: &Selection) -> Result<()> {
+    let counter = Counter::build()?;
     let compiler = read(&mut command("rustc", ["--version"]))?;
     let mut table = MEASURED.clone();
     table.date = read(&mut command("date", ["-u", "+%Y-%m-%d"]))?;
     table.machine = format!("{}, {compiler}", counter.emulator());
-    let boards = [&emulated_board::REFERENCE, &emulated_board::PICO, &emulated_board::VECTORS];
-    for board in boards.into_iter().filter(|board| wanted(&selection.board, board.name)) {
-        let processor = board.processor.context("there are no budgets for the board")?;
-        let prices = price_fit::prices(toolchain, (processor, board), counter)?;
-        *table.of_mut(processor) = FirmwareCosts { prices, ..FirmwareCosts::default() };
-    }
-    Ok(table)
+    price_fit::fit_all(&mut table, |board| wanted(&selection.board, board.name), &counter)?;
+    write(&table)
+}
+
+fn write(table: &FirmwareCostTable) -> Result<()> {
+    Ok(fs::write(system::root().join("host/src/target/measured.toml"), table.to_toml())?)
 }
 
 /// Adds the measured memory to the table.
 fn note_memory(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measurement]) {
     for (run, measurement) in runs.iter().zip(measurements) {
-        let Some(processor) = run.board.processor else { continue };
+        let processor = run.board.processor;
         let noted = table.of_mut(processor);
         noted.statics = noted.statics.max(measurement.ram_static - run.workspace_bytes());
         let matching = run.profile.matching(run.fusion);
@@ -277,7 +289,7 @@ impl Run {
     /// Returns true if the cost model covers it.
     fn is_modelled(&self) -> bool {
         let matching = self.profile.matching(self.fusion);
-        self.board.processor.is_some_and(|processor| Workload::new(&matching, processor).is_some())
+        Workload::new(&matching, self.board.processor).is_some()
     }
 
     /// The size of its workspace in bytes.
@@ -340,7 +352,7 @@ impl Run {
 impl Measurement {
     /// Adds the prediction of the cost model.
     fn predict(&mut self, run: &Run, table: &FirmwareCostTable) {
-        let Some(processor) = run.board.processor else { return };
+        let processor = run.board.processor;
         let prices = &table.of(processor).prices;
         self.instructions_predicted = prices.instructions(&run.profile.matching(run.fusion), processor);
     }
@@ -406,7 +418,7 @@ fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) 
                 fail(run, format!("{taken} bytes of {memory}, at most {budget} are allowed"));
             }
         }
-        let Some(processor) = run.board.processor else { continue };
+        let processor = run.board.processor;
         let measured = table.of(processor);
         let statics = run.workspace_bytes() + measured.statics;
         if m.ram_static != statics {

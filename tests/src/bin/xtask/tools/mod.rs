@@ -268,8 +268,13 @@ impl Toolchain {
 
     /// The cargo command `verb` with this toolchain and the firmware's target folder.
     pub fn cargo(&self, verb: &str) -> Command {
+        self.cargo_in(&system::edge_target(), verb)
+    }
+
+    /// [`cargo`](Toolchain::cargo) with a folder for what it builds.
+    pub fn cargo_in(&self, target: &Path, verb: &str) -> Command {
         let mut cargo = command("cargo", [verb, "--target-dir"]);
-        cargo.arg(system::edge_target());
+        cargo.arg(target);
         self.set_for(&mut cargo);
         cargo
     }

@@ -67,7 +67,7 @@ mod tests {
         prices.candidates.insert("2-min".into(), CandidateUnits { pixel: 2.0, ..CandidateUnits::default() });
         assert_eq!(
             prices.instructions(&matching, Processor::CortexM4),
-            Some(10.0 * 2.0 * 17.0 * 8.0 * 2.0 + 3.0 * 17.0 + 2.0 * 340.0)
+            Some(10.0 * 22.0 * 17.0 * 8.0 * 2.0 + 3.0 * 17.0 + 2.0 * 340.0)
         );
     }
 }

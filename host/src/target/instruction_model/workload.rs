@@ -76,35 +76,47 @@ impl Workload {
         let depth = count(depth(params.search(), processor));
         let counts = PixelCounts::new(params, first, processor);
         let pixels = count(params.width() * params.height());
-        let is_wide = is_wide(params);
-        let slid = (first_columns + pixels) * places * depth;
+        let kernel = kernel_name(params, processor) + suffix;
+        // The loops without a loop over vectors slide the block as they fuse.
+        let slid_columns = if kernel.contains("unrolled") { first_columns } else { first_columns + pixels };
+        let slid = slid_columns * places * depth;
+        let covered = count(counts.hidden_views) * depth;
+        let (searched, overlap) = (count(counts.searched) * depth, count(counts.segmented) * places);
         let units = WorkUnits {
             pass: count(passes),
             line: lines,
             line_view: lines * views,
-            column_view: span * count(params.height()) * views,
-            first_column: first_columns,
-            first_column_view: first_columns * places,
-            slid: if is_wide { 0.0 } else { first_columns * places * depth },
-            slid_wide: if is_wide { first_columns * places * depth } else { 0.0 },
+            stored: span * count(params.height()) * views,
+            column: slid_columns,
             looped: if is_slide_looped(params, processor) { slid } else { 0.0 },
             changed_view: count(counts.changed_views),
             uncovered: count(counts.uncovered),
             segment: count(counts.segments),
-            searched: if is_wide { 0.0 } else { count(counts.searched) * depth },
-            searched_wide: if is_wide { count(counts.searched) * depth } else { 0.0 },
             primed_column: block * span * places,
             primed: block * span * depth * places,
             ..WorkUnits::default()
         };
+        let units = match is_wide(params) {
+            true => WorkUnits {
+                pixel_wide: pixels,
+                column_view_wide: slid_columns * places,
+                slid_wide: slid,
+                masked_wide: covered,
+                overlap_wide: overlap,
+                searched_wide: searched,
+                ..units
+            },
+            false => {
+                WorkUnits { pixel: pixels, column_view: slid_columns * places, slid, masked: covered, overlap, searched, ..units }
+            }
+        };
         let candidates = CandidateUnits {
+            fused: count(counts.complete + counts.masked) * depth,
             pixel: pixels,
-            fused: count(counts.complete) * depth,
-            hidden: count(counts.hidden) * depth,
             masked: count(counts.masked) * depth,
             segmented: count(counts.segmented),
         };
-        Workload { units, candidates: vec![(kernel_name(params, processor) + suffix, candidates)] }
+        Workload { units, candidates: vec![(kernel, candidates)] }
     }
 
     /// The work of block matching around the disparities of an earlier match. All are taken to be in the middle of its range.
@@ -189,10 +201,10 @@ pub fn kernel_name(params: &BlockMatchingParams, processor: Processor) -> String
 struct PixelCounts {
     /// All views are available at all disparities.
     complete: usize,
-    /// One view is unavailable, and is masked.
-    hidden: usize,
-    /// Several views are unavailable, and are masked; or costs are fused one by one.
+    /// Some views are unavailable, and are masked; or costs are fused one by one.
     masked: usize,
+    /// Views to which masks are applied in these.
+    hidden_views: usize,
     /// Candidates in the vectors that segments reach into, in pixels that are fused by segments.
     segmented: usize,
     /// The segments of these pixels.
@@ -214,6 +226,7 @@ impl PixelCounts {
         // Firmware of up to four views has no loop for half of them, and lanes do not divide by five or seven.
         let is_exact = rule == Rule::Half && places <= 4;
         let border_is_exact = is_exact || rule == Rule::Sum && places > 4;
+        let masks_one_view = processor == Processor::CortexM55 || is_unrolled(params.search(), processor);
         let (all, lanes) = (0..params.num_disparities() as u16, processor.lanes());
         let is_padded = !params.num_disparities().is_multiple_of(lanes) && !is_exact;
         let mut counts = PixelCounts::default();
@@ -228,9 +241,10 @@ impl PixelCounts {
                     counts.searched += usize::from(is_padded);
                 }
                 _ if border_is_exact => counts.masked += 1,
-                1 if masks_sums || rule.masks(places, 1) => counts.hidden += 1,
-                _ if masks_sums => counts.masked += 1,
-                incomplete if rule.masks(places, incomplete) => counts.masked += 1,
+                incomplete if masks_sums || rule.masks(places, incomplete) => {
+                    counts.masked += 1;
+                    counts.hidden_views += if incomplete == 1 && masks_one_view { 1 } else { places };
+                }
                 _ => {
                     counts.searched += 1;
                     for (start, end) in segments(&ranges, &all) {
@@ -289,7 +303,8 @@ macro_rules! units {
 }
 
 units! {
-    /// The number of times that each unit of work is done; or its price, in instructions.
+    /// The number of times that each unit of work is done; or its price, in instructions. In candidates, the number of disparities is
+    /// rounded up to whole vectors. What ends in `_wide` is done where block sums need 32 bits, instead of that before it.
     WorkUnits {
         /// Passes over the frame, one for each tile.
         pass,
@@ -298,27 +313,41 @@ units! {
         /// The same for each view.
         line_view,
         /// Columns under the blocks of a line, those of the block's radius on both sides of each tile too, for each view: samples are
-        /// read.
-        column_view,
-        /// Columns over which the block slides before the first pixel of a line.
-        first_column,
+        /// stored.
+        stored,
+        /// Columns by which blocks slide, before the first pixel of a line and at each.
+        column,
         /// The same for each view.
-        first_column_view,
-        /// Candidates in these columns, for each view. Here and below, the number of disparities is rounded up to whole vectors.
+        column_view,
+        /// The same in 32 bits.
+        column_view_wide,
+        /// Candidates in these columns, for each view.
         slid,
-        /// The same where block sums need 32 bits.
+        /// The same in 32 bits.
         slid_wide,
-        /// Candidates over which blocks slide in a loop over vectors, in all columns, for each view.
+        /// Those of the candidates over which blocks slide in a loop over vectors.
         looped,
+        /// Pixels of block matching.
+        pixel,
+        /// The same in 32 bits.
+        pixel_wide,
+        /// Candidates that masks are applied to, for each view that is masked.
+        masked,
+        /// The same in 32 bits.
+        masked_wide,
         /// Views whose availability changes from one pixel to the next.
         changed_view,
         /// Pixels with disparities at which no view is available.
         uncovered,
         /// Segments in pixels that are fused by segments: runs of disparities at which the same views are available.
         segment,
+        /// Candidates in the vectors that these reach into, for each view.
+        overlap,
+        /// The same in 32 bits.
+        overlap_wide,
         /// Candidates among which the least is found after they are fused: in segments, and in vectors that are not full.
         searched,
-        /// The same where block sums need 32 bits.
+        /// The same in 32 bits.
         searched_wide,
         /// Columns that fill the first blocks of a tile, for each line of the block and each view.
         primed_column,
@@ -352,18 +381,16 @@ units! {
 }
 
 units! {
-    /// The number of pixels and candidates that each loop processes; or the price of one, in instructions. A candidate is a
-    /// disparity of a pixel; their number is rounded up to whole vectors.
+    /// The number of pixels and candidates that each kernel processes; or the price of one, in instructions: for all but `fused`,
+    /// of what it takes beside the [`WorkUnits`] that kernels share.
     CandidateUnits {
+        /// Candidates that are fused in all views together.
+        fused,
         /// Pixels.
         pixel,
-        /// Candidates in pixels at which all views are available at all disparities.
-        fused,
-        /// Those in pixels at which one unavailable view is masked.
-        hidden,
-        /// Those in pixels at which several unavailable views are masked, or that are fused one by one.
+        /// Those of the fused candidates to which masks are applied, or that are fused one by one.
         masked,
-        /// Those in pixels that are fused by segments.
+        /// Candidates in pixels that are fused by segments.
         segmented,
     }
 }
@@ -383,9 +410,9 @@ mod tests {
         let params = params(Views::CROSS, Fusion::Heuristic, 1, 6, 5);
         let [whole, tiled] =
             [20, 8].map(|tile_width| Workload::new(&Matching::Blocks { params, tile_width }, Processor::CortexM4).unwrap());
-        assert_eq!((whole.units.line, whole.units.column_view), (17.0, 24.0 * 17.0 * 4.0));
-        assert_eq!((tiled.units.line, tiled.units.column_view), (51.0, 32.0 * 17.0 * 4.0));
-        assert_eq!((whole.units.slid, tiled.units.slid), (4.0 * 17.0 * 8.0 * 4.0, 3.0 * 4.0 * 17.0 * 8.0 * 4.0));
+        assert_eq!((whole.units.line, whole.units.stored), (17.0, 24.0 * 17.0 * 4.0));
+        assert_eq!((tiled.units.line, tiled.units.stored), (51.0, 32.0 * 17.0 * 4.0));
+        assert_eq!((whole.units.slid, tiled.units.slid), (24.0 * 17.0 * 8.0 * 4.0, 32.0 * 17.0 * 8.0 * 4.0));
         assert_eq!(whole.candidates, tiled.candidates);
     }
 
@@ -398,9 +425,9 @@ mod tests {
         };
         let [m4, m55, wide] = [(5, Processor::CortexM4), (5, Processor::CortexM55), (17, Processor::CortexM55)]
             .map(|(block_size, processor)| candidates(block_size, processor));
-        assert!(m55.masked > 0.0 && m55.hidden > 0.0 && m55.segmented == 0.0);
-        assert!(m4.segmented > 0.0 && m4.masked + m4.hidden == 0.0);
-        assert_eq!(CandidateUnits { pixel: m4.pixel, ..wide }, m4);
+        assert!(m55.masked > 0.0 && m55.segmented == 0.0);
+        assert!(m4.segmented > 0.0 && m4.masked == 0.0);
+        assert_eq!(wide, m4);
     }
 
     #[test]
@@ -426,7 +453,7 @@ mod tests {
         assert_eq!((kernel.as_str(), around.as_str()), ("2-min", "2-min-around"));
         // A prior of 1 is 3 pixels at three baselines: -1 to 6 are searched, so that 6 columns do not see all of the view on
         // the right, and as many that on the left.
-        assert_eq!((candidates.fused, candidates.hidden), (8.0 * 17.0 * 8.0, 12.0 * 17.0 * 8.0));
+        assert_eq!((candidates.fused, candidates.masked), (20.0 * 17.0 * 8.0, 12.0 * 17.0 * 8.0));
     }
 
     #[test]
@@ -481,19 +508,19 @@ mod tests {
             let found = counted(Fusion::Mean, Processor::CortexM4);
             // With one view, every fusion is the minimum.
             match views.len() {
-                1 => assert_eq!((found.complete, found.hidden), (complete, border), "{mean:?}"),
+                1 => assert_eq!((found.complete, found.masked), (complete, border), "{mean:?}"),
                 _ => {
-                    assert_eq!((found.complete, found.hidden + found.masked, found.segments), (complete, 0, segments), "{mean:?}")
+                    assert_eq!((found.complete, found.masked, found.segments), (complete, 0, segments), "{mean:?}")
                 }
             }
             for (fusion, processor) in [(Fusion::Mean, Processor::CortexM55), (Fusion::Min, Processor::CortexM4)] {
                 let found = counted(fusion, processor);
-                assert_eq!((found.complete, found.hidden + found.masked, found.segments), (complete, border, 0), "{mean:?}");
+                assert_eq!((found.complete, found.masked, found.segments), (complete, border, 0), "{mean:?}");
                 assert_eq!(found.uncovered, uncovered, "{mean:?}");
             }
         }
         let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3), 1, Processor::CortexM55);
-        assert!(heuristic.hidden > 0 && heuristic.segmented > 0, "{heuristic:?}");
+        assert!(heuristic.masked > 0 && heuristic.segmented > 0, "{heuristic:?}");
     }
 
     #[test]

@@ -60,7 +60,7 @@ pub const VECTORS: EmulatedBoard = EmulatedBoard {
 };
 
 /// The board with a Cortex-M7.
-const M7: EmulatedBoard = EmulatedBoard {
+pub const M7: EmulatedBoard = EmulatedBoard {
     name: "stm32h743",
     core: "Cortex-M7",
     processor: Processor::CortexM7,

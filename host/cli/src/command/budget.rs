@@ -1,10 +1,11 @@
 //! `multiscopic budget`: the memory, instructions, time and energy that matching takes on a microcontroller.
 
-use std::{collections::BTreeMap, fmt, process::ExitCode};
+use std::{collections::BTreeMap, fmt, path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use multiscopic::{
     Error, Processor, Result,
+    files::output,
     target::{Buffer, Ram, ram::widest_tile},
 };
 use multiscopic_core::{Fusion, SearchSpace, SemiGlobalCost, SemiGlobalParams, network::NetworkParams};
@@ -12,6 +13,7 @@ use multiscopic_edge::{Matching, Profile, WholeLines, profile};
 use serde::Serialize;
 
 use super::{
+    c_header::c_header,
     options::{SearchOptions, named, value::positive, views_of_count},
     terminal,
 };
@@ -78,6 +80,10 @@ pub struct Budget {
     #[command(flatten)]
     target: TargetOptions,
 
+    /// Write the match as a header for C: its method, its memory and its parameters, for programs with multiscopic.h
+    #[arg(long, value_name = "OUT.h")]
+    header: Option<PathBuf>,
+
     /// Print one JSON object instead of a table
     #[arg(long)]
     json: bool,
@@ -124,6 +130,10 @@ impl Budget {
                 let core = core.name();
                 return Err(Error::Usage(format!("{option} cannot be checked: no cycles are known for {core}, give --cpi")));
             }
+        }
+        if let Some(path) = &self.header {
+            let header = c_header(&matching)?;
+            output::write(path, |file| file.write_all(header.as_bytes()))?;
         }
         let prediction = Prediction::new(&self.target, &matching, &Ram::new(&matching, core), self.rectified);
         terminal::print_report(&prediction, self.json)?;

@@ -5,6 +5,7 @@ pub mod align;
 pub mod batch;
 pub mod bench;
 pub mod budget;
+mod c_header;
 pub mod calibrate;
 pub mod capture;
 pub mod demo;

@@ -3,7 +3,7 @@
 mod packet_streams;
 mod simulations;
 
-use std::{path::Path, process::Command};
+use std::{fs, path::Path, process::Command};
 
 use multiscopic::Processor;
 use multiscopic_core::{Fusion, Memory, kernel::Native};
@@ -72,6 +72,24 @@ fn what_is_not_predicted_is_not_printed() {
         let checked = ["budget", "--fps", "1"];
         Invocation::new(checked.iter().chain(&options)).assert_refused(&["--fps cannot be checked", "not predicted"]);
     }
+}
+
+#[test]
+fn a_header_for_c_has_the_match() {
+    let dir = folder();
+    let path = dir.path().join("depth.h");
+    let header = |options: &[&str]| {
+        Invocation::new(["budget", "--header", path.to_str().expect("a name")].iter().chain(options)).assert_done();
+        fs::read_to_string(&path).expect("the header")
+    };
+    // Programs in C that the firmware's tests run have it.
+    assert_eq!(header(&["--profile", "qqvga"]), include_str!("../../../../edge/c/examples/depth.h"));
+    let large = header(&["--width", "80", "--height", "60", "--views", "4", "--block-size", "17", "--tile-width", "20"]);
+    assert!(large.contains("DEPTH_METHOD multiscopic_bm\n") && large.contains("DEPTH_COLUMNS 20 "), "{large}");
+    let confidence = header(&["--profile", "qqvga-sgm-confidence"]);
+    assert!(confidence.contains("DEPTH_METHOD multiscopic_sgm2_confidence\n"), "{confidence}");
+    let refused = ["budget", "--profile", "qqvga-net", "--header", "depth.h"];
+    Invocation::new(refused).assert_refused(&["--header", "neither the network"]);
 }
 
 #[test]

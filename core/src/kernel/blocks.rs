@@ -41,6 +41,8 @@ pub trait Blocks<L: Lane>: Isa {
     /// True if masks hide views from [`Rule::Sum`] too, of two to four views: [`fuse_masked`](Blocks::fuse_masked) is
     /// faster than [`fuse_available`](Blocks::fuse_available), run by run.
     const MASKS_SUM: bool = false;
+    /// The most views that masks hide from such a sum at a pixel. Of more, `fuse_available` is faster.
+    const MOST_MASKED_OF_SUM: u32 = if Self::MASKS_SUM { 4 } else { 0 };
     /// A vector of costs in memory.
     type Costs: Pod;
     /// A vector of block sums, or of costs fused from them.
@@ -275,14 +277,18 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
     pub fn masked(&self, rule: Rule) -> Option<u8> {
         let incomplete = self.availability.incomplete();
         let masked = if incomplete != 0 && self.padded { u8::MAX } else { incomplete };
-        Self::can_hide(rule, incomplete).then_some(masked)
+        // Of a sum, padding takes as many masks as views that are not available.
+        Self::can_hide(rule, if rule == Rule::Sum { masked } else { incomplete }).then_some(masked)
     }
 
     /// True if masks can hide `incomplete` views, a bit for each, from `rule`.
     #[inline(always)]
     pub fn can_hide(rule: Rule, incomplete: u8) -> bool {
-        let hides_from_sum = const { I::MASKS_SUM && V <= 4 } && rule == Rule::Sum;
-        incomplete == 0 || hides_from_sum || rule.masks(V, incomplete.count_ones() as usize)
+        let masked_of_sum = (incomplete & (u8::MAX >> (8 - V))).count_ones();
+        let hides_from_sum = const { I::MOST_MASKED_OF_SUM > 0 && V <= 4 } && rule == Rule::Sum;
+        incomplete == 0
+            || hides_from_sum && masked_of_sum <= I::MOST_MASKED_OF_SUM
+            || rule.masks(V, incomplete.count_ones() as usize)
     }
 }
 

@@ -78,6 +78,9 @@ pub struct Steps<'a, I: Isa, const V: usize> {
     block_size: usize,
     /// The column that leaves a block that is not full yet.
     empty_column: *const I::Sums,
+    /// A bound of the block sums, for a kernel that keeps one.
+    #[cfg(multiscopic_dsp)]
+    sums_bound: u32,
     memory: PhantomData<(&'a [u8], &'a mut [I::Sums])>,
 }
 
@@ -196,6 +199,8 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
             vectors: empty_column.len() / V.max(1),
             block_size,
             empty_column: empty_column.as_ptr(),
+            #[cfg(multiscopic_dsp)]
+            sums_bound: u32::MAX,
             memory: PhantomData,
         }
     }
@@ -204,6 +209,20 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     #[inline(always)]
     pub(super) fn vectors(&self) -> usize {
         self.vectors
+    }
+
+    /// A bound of the block sums, for a kernel that keeps one: at first that of all numbers.
+    #[cfg(multiscopic_dsp)]
+    #[inline(always)]
+    pub(super) fn sums_bound(&mut self) -> &mut u32 {
+        &mut self.sums_bound
+    }
+
+    /// The most that a sum of block changes by at a step: a column of the greatest differences.
+    #[cfg(multiscopic_dsp)]
+    #[inline(always)]
+    pub(super) fn most_growth(&self) -> u32 {
+        255 * self.block_size as u32
     }
 
     /// True if all sums are aligned to words, as in memory that a matcher is lent.

@@ -17,6 +17,8 @@ pub enum Pattern {
     Noise,
     /// Random samples of 0 and 255.
     Extremes,
+    /// Random cells of 16 samples a side, of 0 or 255: sums of large blocks that need 17 bits, beside others.
+    Cells,
     /// A random texture at a disparity of 3.
     Shifted,
     /// The same sample everywhere.
@@ -33,12 +35,13 @@ impl ScanlineSource for Pattern {
             (_, Frame::Center) => (1, (0, 0)),
             (_, Frame::View(view)) => ((10 + view.right() + 3 * view.down()) as u32, (0, 0)),
         };
+        let size = if matches!(self, Pattern::Cells) { 16 } else { 1 };
         for (sample, u) in line.iter_mut().zip(0..) {
-            let place = seed << 16 ^ ((u - du) as u32 & 0xff) << 8 ^ (v as i32 - dv) as u32 & 0xff;
+            let place = seed << 16 ^ ((u - du) as u32 / size & 0xff) << 8 ^ (v as i32 - dv) as u32 / size & 0xff;
             let noise = Xorshift(place.wrapping_mul(0x9e37_79b9) | 1).number() >> 13;
             *sample = match self {
                 Pattern::Noise | Pattern::Shifted => noise as u8,
-                Pattern::Extremes => ((noise & 1) * 255) as u8,
+                Pattern::Extremes | Pattern::Cells => ((noise & 1) * 255) as u8,
                 Pattern::Flat => 7,
             };
         }
@@ -48,5 +51,5 @@ impl ScanlineSource for Pattern {
 
 impl Pattern {
     /// Every pattern.
-    pub const ALL: [Pattern; 4] = [Pattern::Noise, Pattern::Extremes, Pattern::Shifted, Pattern::Flat];
+    pub const ALL: [Pattern; 5] = [Pattern::Noise, Pattern::Extremes, Pattern::Cells, Pattern::Shifted, Pattern::Flat];
 }

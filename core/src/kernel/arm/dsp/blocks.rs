@@ -3,11 +3,14 @@
 
 use core::arch::asm;
 
+use bytemuck::Pod;
+
 use super::{
-    Dsp,
+    Dsp, VECTOR,
     fuse::{self, Costs},
     slide,
     vector::{U16x8, U32x8},
+    wide::{self, WideCosts},
 };
 use crate::kernel::{
     blocks::{Blocks, fuse_loop, fuse_masked_loop},
@@ -42,7 +45,7 @@ pub(super) unsafe fn slide_to_min<const V: usize, const LEAST: bool>(
 ) -> u32 {
     // SAFETY: the step has as many vectors as there are blocks, masks and fused costs.
     unsafe {
-        slide::slide::<V, 4>(step, blocks);
+        slide::slide::<_, V, 4>(step, blocks);
         let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
         match masked {
             0 => fuse::min::<V, 4, LEAST>(blocks, fused),
@@ -61,6 +64,25 @@ fn lesser_half(word: u32) -> u16 {
     (word as u16).min((word >> 16) as u16)
 }
 
+/// [`Blocks::slide`].
+#[inline(never)]
+fn slide_blocks<C: Pod, const V: usize>(steps: &mut Steps<'_, Dsp, V>, blocks: &mut [[C; V]]) {
+    if steps.vectors() != blocks.len() || blocks.is_empty() {
+        return;
+    }
+    let Some(step) = steps.next_raw() else { return };
+    // SAFETY: the step has as many vectors as there are blocks, not 0.
+    unsafe {
+        match blocks.len() {
+            1 => slide::slide::<C, V, 1>(step, blocks),
+            2 => slide::slide::<C, V, 2>(step, blocks),
+            4 => slide::slide::<C, V, 4>(step, blocks),
+            8 if const { V <= 4 && size_of::<C>() == VECTOR } => slide::slide::<C, V, 8>(step, blocks),
+            _ => slide::slide::<C, V, 0>(step, blocks),
+        }
+    }
+}
+
 #[inline(never)]
 fn prime<const V: usize>(steps: &mut Steps<'_, Dsp, V>) {
     let vectors = steps.vectors();
@@ -71,6 +93,7 @@ fn prime<const V: usize>(steps: &mut Steps<'_, Dsp, V>) {
 }
 
 impl Blocks<u16> for Dsp {
+    const MOST_MASKED_OF_SUM: u32 = 1;
     type Costs = Costs;
     type Block = U16x8;
 
@@ -134,22 +157,9 @@ impl Blocks<u16> for Dsp {
         prime(steps);
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 4]; V]]) {
-        if steps.vectors() != blocks.len() || blocks.is_empty() {
-            return;
-        }
-        let Some(step) = steps.next_raw() else { return };
-        // SAFETY: the step has as many vectors as there are blocks, not 0.
-        unsafe {
-            match blocks.len() {
-                1 => slide::slide::<V, 1>(step, blocks),
-                2 => slide::slide::<V, 2>(step, blocks),
-                4 => slide::slide::<V, 4>(step, blocks),
-                8 if const { V <= 4 } => slide::slide::<V, 8>(step, blocks),
-                _ => slide::slide::<V, 0>(step, blocks),
-            }
-        }
+        slide_blocks(steps, blocks);
     }
 
     #[inline(always)]
@@ -178,18 +188,20 @@ impl Blocks<u16> for Dsp {
             Rule::Min => true,
             Rule::Heuristic => V == 4,
             Rule::Half => V == 8,
-            Rule::Sum => false,
+            Rule::Sum => matches!(V, 2..=4),
         };
         if !has_loop || blocks.len() != fused.len() || blocks.is_empty() {
             return fuse_loop(self, rule, blocks, fused);
         }
         let blocks = blocks.as_ptr();
         // SAFETY: there are as many blocks as fused costs, not 0: a multiple of what is unrolled. The heuristic rule has a
-        // loop for four views, and there are four; the least half has one for eight, and there are eight.
+        // loop for four views, and there are four; the least half has one for eight, and there are eight; the sum has one for
+        // two to four.
         lesser_half(unsafe {
             match fused.len() {
                 _ if rule == Rule::Heuristic => fuse::heuristic_of_four(blocks.cast(), fused),
                 _ if rule == Rule::Half => fuse::half_of_eight(blocks.cast(), fused),
+                _ if rule == Rule::Sum => fuse::sum(blocks, fused),
                 n if V <= 4 && n % 4 == 0 => fuse::min::<V, 4, true>(blocks, fused),
                 _ => fuse::min::<V, 1, true>(blocks, fused),
             }
@@ -242,6 +254,16 @@ fn fuse_masked<const V: usize>(
                 _ => fuse::min_masked(blocks, masks, fused),
             }
         },
+        // SAFETY: there are as many blocks and masks as fused costs, not 0, and one view is masked, which is one of them.
+        Rule::Sum if fits && matches!(V, 2..=4) && masked.is_power_of_two() && masked < 1 << V => unsafe {
+            let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+            match masked {
+                1 => fuse::sum_with_one_masked::<V, 0>(blocks, masks, fused),
+                2 => fuse::sum_with_one_masked::<V, 1>(blocks, masks, fused),
+                4 => fuse::sum_with_one_masked::<V, 2>(blocks, masks, fused),
+                _ => fuse::sum_with_one_masked::<V, 3>(blocks, masks, fused),
+            }
+        },
         // SAFETY: there are four views, and as many blocks and masks as fused costs, not 0.
         Rule::Heuristic if fits && V == 4 => unsafe {
             fuse::heuristic_of_four_masked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
@@ -272,11 +294,12 @@ fn least<const LANES: usize>(costs: &[Costs]) -> u16 {
 }
 
 impl Blocks<u32> for Dsp {
-    type Costs = [u32; 8];
+    const MOST_MASKED_OF_SUM: u32 = 1;
+    type Costs = WideCosts;
     type Block = U32x8;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u32; 8]) -> U32x8 {
+    fn load_block(self, costs: &WideCosts) -> U32x8 {
         U32x8(*costs)
     }
 
@@ -286,13 +309,90 @@ impl Blocks<u32> for Dsp {
     }
 
     #[inline(always)]
-    fn position(self, costs: &[[u32; 8]], cost: u32) -> usize {
-        let lanes = costs.iter().flat_map(|&[a, c, b, d, e, g, f, h]| [a, b, c, d, e, f, g, h]);
-        lanes.enumerate().find(|&(_, lane)| lane == cost).map_or(8 * costs.len(), |(index, _)| index)
+    fn position(self, costs: &[WideCosts], cost: u32) -> usize {
+        wide::position(costs, cost)
     }
 
     #[inline(always)]
     fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
         prime(steps);
+    }
+
+    #[inline(always)]
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[WideCosts; V]]) {
+        slide_blocks(steps, blocks);
+    }
+
+    #[inline(always)]
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[WideCosts; V]], fused: &mut [WideCosts]) -> u32 {
+        fuse_wide(self, rule, 0, wide::can_pack(blocks), blocks, blocks, fused)
+    }
+
+    #[inline(always)]
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        blocks: &[[WideCosts; V]],
+        masks: &[[WideCosts; V]],
+        fused: &mut [WideCosts],
+    ) -> u32 {
+        fuse_wide(self, rule, masked, wide::can_pack(blocks), blocks, masks, fused)
+    }
+
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        steps: &mut Steps<'_, Self, V>,
+        blocks: &mut [[WideCosts; V]],
+        masks: &[[WideCosts; V]],
+        fused: &mut [WideCosts],
+    ) -> u32 {
+        let growth = steps.most_growth();
+        let bound = steps.sums_bound();
+        *bound = bound.saturating_add(growth);
+        slide_blocks(steps, blocks);
+        let can_pack = rule != Rule::Sum && wide::can_still_pack(steps, blocks);
+        fuse_wide(self, rule, masked, can_pack, blocks, masks, fused)
+    }
+}
+
+/// [`Blocks::fuse_masked`] for sums of 32 bits, all of which can be packed if `can_pack` is set.
+#[inline(never)]
+fn fuse_wide<const V: usize>(
+    dsp: Dsp,
+    rule: Rule,
+    masked: u8,
+    can_pack: bool,
+    blocks: &[[WideCosts; V]],
+    masks: &[[WideCosts; V]],
+    fused: &mut [WideCosts],
+) -> u32 {
+    let has_loop = match rule {
+        Rule::Min => can_pack,
+        Rule::Heuristic => can_pack && V == 4 && masked.count_ones() <= 2,
+        Rule::Sum => matches!(V, 2..=4) && masked.count_ones() <= 1,
+        Rule::Half => false,
+    };
+    if !has_loop || blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
+        return match masked {
+            0 => fuse_loop(dsp, rule, blocks, fused),
+            _ => fuse_masked_loop(dsp, rule, blocks, masks, fused),
+        };
+    }
+    let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+    // SAFETY: there are as many blocks and masks as fused costs, not 0. Sums can be packed where they have to be. The heuristic
+    // rule has a loop for four views, and there are four; sums have one for two to four, at most one of which is masked.
+    unsafe {
+        match (rule, masked) {
+            (Rule::Sum, 0) => wide::sum::<V, false>(0, blocks, masks, fused),
+            (Rule::Sum, _) => wide::sum::<V, true>(masked.trailing_zeros() as usize % V, blocks, masks, fused),
+            (Rule::Heuristic, 0) => wide::heuristic_of_four::<false>(blocks.cast(), masks.cast(), fused),
+            (Rule::Heuristic, _) => wide::heuristic_of_four::<true>(blocks.cast(), masks.cast(), fused),
+            (_, 0) => wide::min::<V, false>(blocks, masks, fused),
+            _ => wide::min::<V, true>(blocks, masks, fused),
+        }
     }
 }

@@ -12,8 +12,11 @@ pub(super) type Costs = [u32; 4];
 /// The lesser halves of two words, in place of the first.
 macro_rules! min {
     ($a:literal, $b:literal) => {
+        min!($a, $b, "{t}")
+    };
+    ($a:literal, $b:literal, $t:literal) => {
         instructions! {
-            usub16 "{t}", $a, $b;
+            usub16 $t, $a, $b;
             sel $a, $b, $a;
         }
     };
@@ -37,40 +40,50 @@ macro_rules! store_and_lower {
     };
 }
 
-/// Fuses the costs of four views, a word of two lanes each, by the heuristic rule, in place of the first.
-macro_rules! heuristic {
-    ($a:literal, $b:literal, $c:literal, $d:literal) => {
+/// Sorts the least three of four words, in each half: the least of all then in `$d`, the second in `$c` and the third in `$a`.
+/// `$b` and `$t` are free.
+macro_rules! sort_least_three {
+    ($a:literal, $b:literal, $c:literal, $d:literal, $t:literal) => {
         instructions! {
             // Sort both pairs: (t, a) and (b, c).
-            usub16 "{t}", $a, $b;
-            sel "{t}", $b, $a;
+            usub16 $t, $a, $b;
+            sel $t, $b, $a;
             sel $a, $a, $b;
             usub16 $b, $c, $d;
             sel $b, $d, $c;
             sel $c, $c, $d;
-            // The least of all in d. The second and the third lie between the greater minimum, b, and the
-            // lesser maximum, a.
-            usub16 $d, "{t}", $b;
-            sel $d, $b, "{t}";
-            sel $b, "{t}", $b;
-            usub16 "{t}", $a, $c;
+            // The second and the third lie between the greater minimum, b, and the lesser maximum, a.
+            usub16 $d, $t, $b;
+            sel $d, $b, $t;
+            sel $b, $t, $b;
+            usub16 $t, $a, $c;
             sel $a, $c, $a;
-            // The second in c and the third in a.
-            usub16 "{t}", $b, $a;
+            usub16 $t, $b, $a;
             sel $c, $a, $b;
             sel $a, $b, $a;
-            // The sum of two in d, of three in b, and three times the second in t; then three times the sum of two,
-            // and twice the sum of three. A Cortex-M7 takes a saturated sum a cycle later.
-            uqadd16 $d, $d, $c;
-            uqadd16 "{t}", $c, $c;
-            uqadd16 $b, $d, $a;
-            uqadd16 "{t}", "{t}", $c;
-            uqadd16 $c, $d, $d;
-            uqadd16 $b, $b, $b;
-            uqadd16 $d, $c, $d;
-            usub16 "{t}", "{t}", $a;
-            sel $a, $b, $d;
         }
+    };
+}
+
+/// Fuses the costs of four views, a word of two lanes each, by the heuristic rule, in place of the first.
+macro_rules! heuristic {
+    ($a:literal, $b:literal, $c:literal, $d:literal) => {
+        concat!(
+            sort_least_three!($a, $b, $c, $d, "{t}"),
+            instructions! {
+                // The sum of two in d, of three in b, and three times the second in t; then three times the sum of two,
+                // and twice the sum of three. A Cortex-M7 takes a saturated sum a cycle later.
+                uqadd16 $d, $d, $c;
+                uqadd16 "{t}", $c, $c;
+                uqadd16 $b, $d, $a;
+                uqadd16 "{t}", "{t}", $c;
+                uqadd16 $c, $d, $d;
+                uqadd16 $b, $b, $b;
+                uqadd16 $d, $c, $d;
+                usub16 "{t}", "{t}", $a;
+                sel $a, $b, $d;
+            }
+        )
     };
 }
 
@@ -190,6 +203,158 @@ pub(super) unsafe fn min<const V: usize, const UNROLLED: usize, const LEAST: boo
             views = const V,
             unrolled = const UNROLLED,
             lower = const LEAST as u8,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// Adds four words to four others, in place of the first.
+macro_rules! add {
+    ([$a:literal, $b:literal, $c:literal, $d:literal], [$e:literal, $f:literal, $g:literal, $h:literal]) => {
+        instructions! {
+            uqadd16 $a, $a, $e;
+            uqadd16 $b, $b, $f;
+            uqadd16 $c, $c, $g;
+            uqadd16 $d, $d, $h;
+        }
+    };
+}
+
+/// The sum of two to four views.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0.
+#[inline(always)]
+pub(super) unsafe fn sum<const V: usize>(blocks: *const [Costs; V], fused: &mut [Costs]) -> u32 {
+    let mut least = u32::MAX;
+    // SAFETY: reads as many blocks as it writes fused costs. Every register that changes is an output.
+    unsafe {
+        fuse_blocks!([blocks -> fused, least] 200 bytes,
+            "2:",
+            "ldm {block}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
+            add!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
+            ".rept {views} - 2",
+            "ldm {block}!, {{r4, r5, r8, r9}}",
+            add!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
+            ".endr",
+            store_and_lower!(),
+            "subs {n}, {n}, #1",
+            "bne 2b";
+            t = out(reg) _,
+            out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            views = const V,
+            lower = const 1,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// Loads a word of the view that is masked without what its masks hide.
+macro_rules! load_shown {
+    ($to:literal, $place:literal) => {
+        concat!("ldr ", $to, ", [{block}], #4\nldr r5, [{mask}", $place, "]\nbic ", $to, ", ", $to, ", r5\n")
+    };
+}
+
+/// Multiplies a sum by as much as fewer views are in it, and goes on to the view's next masks.
+macro_rules! scale_available {
+    ($sum:literal, $next:literal) => {
+        concat!(
+            "ldr r5, [{mask}], #",
+            $next,
+            "
+            and r5, r5, ",
+            $sum,
+            "
+            .if {views} > 2
+            uqadd16 r4, ",
+            $sum,
+            ", ",
+            $sum,
+            "
+            .if {views} == 4
+            uqadd16 ",
+            $sum,
+            ", ",
+            $sum,
+            ", r4
+            .else
+            uqadd16 r5, r5, r5
+            uqadd16 ",
+            $sum,
+            ", r4, r4
+            .endif
+            .endif
+            uqadd16 ",
+            $sum,
+            ", ",
+            $sum,
+            ", r5
+            "
+        )
+    };
+}
+
+/// The sum of two to four views of which view `K` is masked, on the scale of
+/// [`Rule::fuse_available`](crate::kernel::rule::Rule::fuse_available).
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0, and `K < V`.
+#[inline(always)]
+pub(super) unsafe fn sum_with_one_masked<const V: usize, const K: usize>(
+    blocks: *const [Costs; V],
+    masks: *const [Costs; V],
+    fused: &mut [Costs],
+) -> u32 {
+    let mut least = u32::MAX;
+    let masks = masks.cast::<Costs>().wrapping_add(K);
+    // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an output.
+    unsafe {
+        fuse_blocks!([blocks, masks -> fused, least] 400 bytes,
+            "2:",
+            ".if {masked}",
+            "ldm {block}!, {{r0, r1, r2, r3}}",
+            ".else",
+            load_shown!("r0", ""),
+            load_shown!("r1", ", #4"),
+            load_shown!("r2", ", #8"),
+            load_shown!("r3", ", #12"),
+            ".endif",
+            ".irp view, 1, 2, 3",
+            ".if \\view < {views}",
+            ".if \\view == {masked}",
+            load_shown!("r4", ""),
+            "uqadd16 r0, r0, r4",
+            load_shown!("r4", ", #4"),
+            "uqadd16 r1, r1, r4",
+            load_shown!("r4", ", #8"),
+            "uqadd16 r2, r2, r4",
+            load_shown!("r4", ", #12"),
+            "uqadd16 r3, r3, r4",
+            ".else",
+            "ldm {block}!, {{r4, r5, r8, r9}}",
+            add!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
+            ".endif",
+            ".endif",
+            ".endr",
+            scale_available!("r0", "4"),
+            scale_available!("r1", "4"),
+            scale_available!("r2", "4"),
+            scale_available!("r3", "{next}"),
+            "stm {fused}!, {{r0, r1, r2, r3}}",
+            min!("{least}", "r0", "r4"),
+            min!("{least}", "r1", "r4"),
+            min!("{least}", "r2", "r4"),
+            min!("{least}", "r3", "r4"),
+            "subs {n}, {n}, #1",
+            "bne 2b";
+            out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            views = const V,
+            masked = const K,
+            // From the last word of the view's masks in a vector to the first in the next vector.
+            next = const V * VECTOR - 12,
             options(nostack),
         );
     }

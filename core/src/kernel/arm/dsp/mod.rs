@@ -10,22 +10,25 @@
 //! | `vector` | vectors in words |
 //! | `slide` | column sums move down, and blocks slide |
 //! | `fuse` | fused costs, with the least of all |
+//! | `wide` | the same in 32 bits |
 //! | `blocks` | the inner loops of block matching, put together |
 //! | `pixel` | the division of fused sums, the paths through a pixel, and its winner |
 //! | `runs` | paths and winners of many pixels of 32 disparities |
 //! | `bytes` | the operations on 8-bit costs, put together |
 
-// Its macros serve `runs` as well.
+// Their macros serve `wide` and `runs` as well.
+#[macro_use]
+mod fuse;
 #[macro_use]
 mod pixel;
 
 mod blocks;
 mod bytes;
-mod fuse;
 mod instruction;
 mod runs;
 mod slide;
 mod vector;
+mod wide;
 
 use crate::kernel::isa::{Change, Column, Isa, sealed::Sealed};
 use instruction::{

@@ -1,6 +1,8 @@
 //! Column sums move down, and blocks slide, in the DSP extension.
 #![allow(unsafe_code)]
 
+use bytemuck::Pod;
+
 use super::{Dsp, VECTOR, instruction::splat};
 use crate::kernel::steps::{RawStep, Track};
 
@@ -25,6 +27,20 @@ macro_rules! slide_half {
     };
 }
 
+/// Adds what four lanes of a column grow by, two in a word, to block sums of 32 bits.
+macro_rules! grow_four {
+    ($first:literal, $second:literal) => {
+        instructions! {
+            ldm "lr", "{{r0, r1, r2, r3}}";
+            sxtah "r0", "r0", $first;
+            sxtah "r1", "r1", $first, "ror #16";
+            sxtah "r2", "r2", $second;
+            sxtah "r3", "r3", $second, "ror #16";
+            stm "lr!", "{{r0, r1, r2, r3}}";
+        }
+    };
+}
+
 /// A vector of [`slide`].
 macro_rules! slide_vector {
     () => {
@@ -38,20 +54,26 @@ macro_rules! slide_vector {
             usub16 r5, r5, r1
             usub16 r6, r6, r2
             usub16 r7, r7, r3
+            .if {block} > {vector}
+            ",
+            grow_four!("r4", "r5"),
+            grow_four!("r6", "r7"),
+            ".else
             ldm lr, {{r0, r1, r2, r3}}
             uadd16 r4, r4, r0
             uadd16 r5, r5, r1
             uadd16 r6, r6, r2
             uadd16 r7, r7, r3
             stm lr!, {{r4, r5, r6, r7}}
+            .endif
             ldrd r2, r3, [sp]
             "
         )
     };
 }
 
-/// Moves a column down by a line and slides the blocks by it. `N` is the number of vectors in a view,
-/// unrolled, or 0 for a loop.
+/// Moves a column down by a line and slides the blocks by it, whose sums, `C`, have 16 or 32 bits. `N` is the number of
+/// vectors in a view, unrolled, or 0 for a loop.
 ///
 /// The differences that leave are subtracted by adding 255 less each: that is the
 /// [bias](crate::kernel::Isa::bias).
@@ -59,7 +81,8 @@ macro_rules! slide_vector {
 /// # Safety
 /// The step has as many vectors in a view as there are blocks: `N`, or at least one if `N` is 0.
 #[inline(always)]
-pub(super) unsafe fn slide<const V: usize, const N: usize>(step: RawStep<'_, Dsp, V>, blocks: &mut [[[u32; 4]; V]]) {
+pub(super) unsafe fn slide<C: Pod, const V: usize, const N: usize>(step: RawStep<'_, Dsp, V>, blocks: &mut [[C; V]]) {
+    const { assert!(size_of::<C>() == VECTOR || size_of::<C>() == 2 * VECTOR, "block sums have 16 or 32 bits") };
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
     let (center_entering, center_leaving) = (splat(center.entering), splat(center.leaving));
     // SAFETY: the step has samples and sums of `V` views in as many vectors as there are blocks. Every
@@ -100,7 +123,7 @@ pub(super) unsafe fn slide<const V: usize, const N: usize>(step: RawStep<'_, Dsp
             "cmp r12, r0",
             "bne 3b",
             "ldr lr, [sp, #12]",
-            "add lr, lr, #{vector}",
+            "add lr, lr, #{block}",
             "str lr, [sp, #12]",
             ".endif",
             ".endr",
@@ -123,9 +146,10 @@ pub(super) unsafe fn slide<const V: usize, const N: usize>(step: RawStep<'_, Dsp
             views = const V,
             unrolled = const N,
             // From a view's last block to the next view's first.
-            to_next_view = const N.saturating_sub(1) * V * VECTOR,
-            other_views = const VECTOR * (V - 1),
+            to_next_view = const N.saturating_sub(1) * V * size_of::<C>(),
+            other_views = const size_of::<C>() * (V - 1),
             vector = const VECTOR,
+            block = const size_of::<C>(),
             tracks = const if N == 0 { 32 } else { 16 },
         );
     }

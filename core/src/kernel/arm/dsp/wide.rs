@@ -21,22 +21,22 @@ const MOST_PACKED: u32 = 0xfffe;
 
 /// True if the sums of a block can be packed.
 pub(super) fn can_pack<const V: usize>(blocks: &[[WideCosts; V]]) -> bool {
-    all_bits(blocks) <= MOST_PACKED
+    greatest(blocks) <= MOST_PACKED
 }
 
 /// [`can_pack`] after a step, without looking at the sums as long as they cannot have grown so far.
 pub(super) fn can_still_pack<const V: usize>(steps: &mut Steps<'_, Dsp, V>, blocks: &[[WideCosts; V]]) -> bool {
     let bound = steps.sums_bound();
     if *bound > MOST_PACKED {
-        *bound = all_bits(blocks);
+        *bound = greatest(blocks);
     }
     *bound <= MOST_PACKED
 }
 
-/// The bits that are set in any sum.
+/// The greatest sum.
 #[inline(never)]
-fn all_bits<const V: usize>(blocks: &[[WideCosts; V]]) -> u32 {
-    blocks.as_flattened().iter().fold(0, |bits, sums| sums.iter().fold(bits, |bits, sum| bits | sum))
+fn greatest<const V: usize>(blocks: &[[WideCosts; V]]) -> u32 {
+    blocks.as_flattened().iter().fold(0, |most, sums| sums.iter().fold(most, |most, &sum| most.max(sum)))
 }
 
 /// The index of the first disparity with a cost, and one past all disparities if there is none.
@@ -201,30 +201,43 @@ pub(super) unsafe fn heuristic_of_four<const MASKED: bool>(
             load_pair!("{c}", ", #(64 - \\next)]"),
             load_pair!("{d}", ", #(96 - \\next)]"),
             sort_least_three!("{a}", "{b}", "{c}", "{d}", "{t}"),
-            // The least of all in d, the second in c and the third in a. The third leaves the mean if it is as much as three
-            // times the second and 1: that of a hidden view is, and no other where this saturates.
+            // The least of all in d, the second in c and the third in a. In a goes what stays of the third, and in b the sum
+            // of the others where it does not, since their mean is that of two.
             "uqadd16 {t}, {c}, {c}",
             "uqadd16 {t}, {t}, {c}",
+            ".if {is_masked}",
+            // The third leaves if it is as much as three times the second and 1: a hidden view does so where this saturates.
+            // Then the sum of the others may saturate too, and goes to b and u as two.
             "mov {u}, #0x00010001",
             "uqadd16 {t}, {t}, {u}",
             "mov {u}, #0",
             "usub16 {t}, {a}, {t}",
-            // The third if it stays, and the others once more if not: their mean has half as many.
             "sel {a}, {u}, {a}",
             "sel {b}, {c}, {u}",
             "sel {u}, {d}, {u}",
+            ".else",
+            "mov {u}, #0",
+            "uqadd16 {b}, {c}, {d}",
+            "usub16 {t}, {t}, {a}",
+            "sel {a}, {a}, {u}",
+            "sel {b}, {u}, {b}",
+            ".endif",
             // Of each half twice the first three, and the others.
             "uxth {t}, {d}",
             "uxtah {t}, {t}, {c}",
             "uxtah {t}, {t}, {a}",
             "lsl {t}, {t}, #1",
             "uxtah {t}, {t}, {b}",
-            "uxtah {t}, {t}, {u}",
             "lsr {d}, {d}, #16",
             "add {d}, {d}, {c}, lsr #16",
             "add {d}, {d}, {a}, lsr #16",
+            ".if {is_masked}",
+            "uxtah {t}, {t}, {u}",
             "lsr {u}, {u}, #16",
             "add {u}, {u}, {b}, lsr #16",
+            ".else",
+            "lsr {u}, {b}, #16",
+            ".endif",
             "add {u}, {u}, {d}, lsl #1",
             "strd {t}, {u}, [{fused}], #8",
             lower_to_pair!("{t}", "{u}"),

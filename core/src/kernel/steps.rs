@@ -211,14 +211,14 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         self.vectors
     }
 
-    /// A bound of the block sums, for a kernel that keeps one: at first that of all numbers.
+    /// A bound of the block sums, for a kernel that keeps one. At first it is above all of them.
     #[cfg(multiscopic_dsp)]
     #[inline(always)]
     pub(super) fn sums_bound(&mut self) -> &mut u32 {
         &mut self.sums_bound
     }
 
-    /// The most that a sum of block changes by at a step: a column of the greatest differences.
+    /// The most that a block sum changes by at a step: a column of the greatest differences.
     #[cfg(multiscopic_dsp)]
     #[inline(always)]
     pub(super) fn most_growth(&self) -> u32 {

@@ -254,7 +254,20 @@ pub(super) unsafe fn sum<const V: usize>(blocks: *const [Costs; V], fused: &mut 
 /// Loads a word of the view that is masked without what its masks hide.
 macro_rules! load_shown {
     ($to:literal, $place:literal) => {
-        concat!("ldr ", $to, ", [{block}], #4\nldr r5, [{mask}", $place, "]\nbic ", $to, ", ", $to, ", r5\n")
+        concat!(
+            "ldr ",
+            $to,
+            ", [{block}], #4
+            ldr r5, [{mask}",
+            $place,
+            "]
+            bic ",
+            $to,
+            ", ",
+            $to,
+            ", r5
+            "
+        )
     };
 }
 

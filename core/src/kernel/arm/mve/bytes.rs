@@ -104,7 +104,7 @@ impl PixelLoops for Mve {
         }
         let Some(step) = steps.next_raw() else { return };
         // SAFETY: there are four views, four vectors of each, and 32 quotients.
-        unsafe { by_mask!(masked, slide::slide_to_quotients(step, blocks, masks, divisor.shift, quotients)) }
+        unsafe { by_mask!(masked, slide::slide_to_quotients::<V>(step, blocks, masks, divisor.shift, quotients)) }
     }
 
     #[inline(always)]

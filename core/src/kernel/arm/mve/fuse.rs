@@ -1,7 +1,7 @@
 //! Fused costs in MVE, with the least of all.
 #![allow(unsafe_code)]
 
-use super::VECTOR;
+use crate::kernel::isa::Lane;
 
 /// [`asm_up_to!`] for a loop over the blocks of a pixel, with the operands that all of them have: `{n}` blocks from `{block}`
 /// on, their masks from `{mask}` on, the costs to be written from `{fused}` on, and the `{least}` of them. Those of one
@@ -19,30 +19,84 @@ macro_rules! fuse_blocks {
     };
 }
 
-/// Loads the costs of a view into `q\q`, if there is such a view, raised to their mask.
+/// A loop over the vectors of fused costs, whose lanes have `{bits}` bits: eight lanes are one vector or two.
+macro_rules! for_each_vector {
+    ($($body:expr),+) => {
+        concat!(
+            "dls lr, {n}
+            2:
+            .irp half, 0, 1
+            .if \\half < {bits} / 16\n",
+            $($body, "\n",)+
+            ".endif
+            .endr
+            le lr, 2b"
+        )
+    };
+}
+
+/// Loads a vector that is aligned to its lanes.
+macro_rules! load {
+    ($q:literal, $from:literal) => {
+        concat!(".if {bits} == 16\nvldrh.u16 ", $q, ", ", $from, "\n.else\nvldrw.u32 ", $q, ", ", $from, "\n.endif\n")
+    };
+}
+
+/// Adds costs, if `$then` is "t" where the predicate says so. Lanes of 16 bits saturate.
+macro_rules! add {
+    ($then:literal, $to:literal, $a:literal, $b:literal) => {
+        concat!(
+            concat!(".if {bits} == 16\nvqadd", $then, ".u16 ", $to, ", ", $a, ", ", $b),
+            concat!("\n.else\nvadd", $then, ".i32 ", $to, ", ", $a, ", ", $b, "\n.endif")
+        )
+    };
+    ($to:literal, $a:literal, $b:literal) => { add!("", $to, $a, $b) };
+}
+
+/// Loads the costs of a view into `q\q`, if there is such a view, and applies its mask by way of q5: raises costs to it, or does
+/// what is given.
+///
+/// Eight lanes take as many bytes as a lane has bits. After the last view, the next vector is at the first or follows this one.
 ///
 /// Arithmetic stands between the loads of two views: vector instructions overlap only if they take different
 /// pipelines.
 macro_rules! load_view {
-    () => {
-        ".if \\q < {views}
-        vldrh.u16 q\\q, [{block}], #16
-        .if ({masked} >> \\q) & 1
-        vldrh.u16 q5, [{mask}, #16 * \\q]
-        vorr q\\q, q\\q, q5
-        .endif
-        .endif
-        "
+    ($($mask:literal),+) => {
+        concat!(
+            ".if \\q < {views}
+            .if \\q < {views} - 1\n",
+            load!("q\\q", "[{block}], #{bits}"),
+            ".elseif \\half + 1 < {bits} / 16\n",
+            load!("q\\q", "[{block}], #(16 - {bits} * ({views} - 1))"),
+            ".else\n",
+            load!("q\\q", "[{block}], #16"),
+            ".endif
+            .if ({masked} >> \\q) & 1\n",
+            load!("q5", "[{mask}, #({bits} * \\q)]"),
+            $($mask, "\n",)+
+            ".endif
+            .endif"
+        )
     };
+    () => { load_view!("vorr q\\q, q\\q, q5") };
 }
 
-/// Advances to the masks of the next vector.
-macro_rules! to_next_masks {
+/// Advances to the masks of the next vector, stores fused costs, and takes the least of them.
+macro_rules! finish_vector {
     () => {
         ".if {masked}
-        add {mask}, {mask}, #{stride}
+        .if \\half + 1 < {bits} / 16
+        add {mask}, {mask}, #16
+        .else
+        add {mask}, {mask}, #({bits} * ({views} - 1) + 16)
         .endif
-        "
+        .endif
+        .if {bits} == 16
+        vstrh.16 q0, [{fused}], #16
+        .else
+        vstrw.32 q0, [{fused}], #16
+        .endif
+        vminv.u{bits} {least}, q0"
     };
 }
 
@@ -51,36 +105,33 @@ macro_rules! to_next_masks {
 /// # Safety
 /// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.
 #[inline(always)]
-pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
-    blocks: *const [[u16; 8]; V],
-    masks: *const [[u16; 8]; V],
-    fused: &mut [[u16; 8]],
-) -> u16 {
-    let mut least = u32::from(u16::MAX);
+pub(super) unsafe fn min<L: Lane, const V: usize, const MASKED: u8>(
+    blocks: *const [[L; 8]; V],
+    masks: *const [[L; 8]; V],
+    fused: &mut [[L; 8]],
+) -> L {
+    let mut least = L::MAX.widen();
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
     // changes is an output.
     unsafe {
-        fuse_blocks!([blocks, masks -> fused, least] 100 bytes,
-            "dls lr, {n}",
-            "2:",
-            ".irp q, 0, 1, 2, 3",
-            load_view!(),
-            ".if \\q && (\\q < {views})",
-            "vmin.u16 q0, q0, q\\q",
-            ".endif",
-            ".endr",
-            to_next_masks!(),
-            "vstrh.16 q0, [{fused}], #16",
-            "vminv.u16 {least}, q0",
-            "le lr, 2b";
+        fuse_blocks!([blocks, masks -> fused, least] 200 bytes,
+            for_each_vector!(
+                ".irp q, 0, 1, 2, 3",
+                load_view!(),
+                ".if \\q && (\\q < {views})",
+                "vmin.u{bits} q0, q0, q\\q",
+                ".endif",
+                ".endr",
+                finish_vector!()
+            );
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q5") _,
+            bits = const 8 * size_of::<L>(),
             views = const V,
             masked = const MASKED,
-            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }
-    least as u16
+    L::from_index(least as usize)
 }
 
 /// Loads the costs of the next view into `$q`, raised by way of `$masks` to their mask if the views are masked.
@@ -140,66 +191,63 @@ pub(super) unsafe fn min_of_eight<const MASKED: bool>(
 /// # Safety
 /// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.
 #[inline(always)]
-pub(super) unsafe fn heuristic<const V: usize, const MASKED: u8>(
-    blocks: *const [[u16; 8]; V],
-    masks: *const [[u16; 8]; V],
-    fused: &mut [[u16; 8]],
-) -> u16 {
-    let mut least = u32::from(u16::MAX);
+pub(super) unsafe fn heuristic<L: Lane, const V: usize, const MASKED: u8>(
+    blocks: *const [[L; 8]; V],
+    masks: *const [[L; 8]; V],
+    fused: &mut [[L; 8]],
+) -> L {
+    let mut least = L::MAX.widen();
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
     // changes is an output; the predicate, of which the compiler is not told, is restored.
     unsafe {
-        fuse_blocks!([blocks, masks -> fused, least] 200 bytes,
+        fuse_blocks!([blocks, masks -> fused, least] 400 bytes,
             "vmrs {before}, p0",
-            "dls lr, {n}",
-            "2:",
-            ".irp q, 0, 1",
-            load_view!(),
-            ".endr",
-            "vmin.u16 q4, q0, q1",
-            ".irp q, 2",
-            load_view!(),
-            ".endr",
-            "vmax.u16 q0, q0, q1",
-            // Without a fourth view, its cost is the greatest.
-            ".if {views} < 4",
-            "vmov.i8 q3, #255",
-            ".endif",
-            ".irp q, 3",
-            load_view!(),
-            ".endr",
-            to_next_masks!(),
-            "vmin.u16 q1, q2, q3",
-            "vmax.u16 q2, q2, q3",
-            // The second and the third lie between the greater minimum and the lesser maximum.
-            "vmax.u16 q3, q4, q1",
-            "vmin.u16 q4, q4, q1",
-            "vmin.u16 q0, q0, q2",
-            "vmin.u16 q1, q3, q0",
-            "vmax.u16 q3, q3, q0",
-            // The sums of two and of three, and three times the second.
-            "vqadd.u16 q4, q4, q1",
-            "vqadd.u16 q0, q4, q3",
-            "vqadd.u16 q2, q1, q1",
-            "vqadd.u16 q2, q2, q1",
-            "vqadd.u16 q1, q4, q4",
-            "vqadd.u16 q4, q4, q1",
-            "vqadd.u16 q0, q0, q0",
-            "vcmp.u16 hi, q3, q2",
-            "vpsel q0, q4, q0",
-            "vstrh.16 q0, [{fused}], #16",
-            "vminv.u16 {least}, q0",
-            "le lr, 2b",
+            for_each_vector!(
+                ".irp q, 0, 1",
+                load_view!(),
+                ".endr",
+                "vmin.u{bits} q4, q0, q1",
+                ".irp q, 2",
+                load_view!(),
+                ".endr",
+                "vmax.u{bits} q0, q0, q1",
+                // Without a fourth view, its cost is the greatest.
+                ".if {views} < 4",
+                "vmov.i8 q3, #255",
+                ".endif",
+                ".irp q, 3",
+                load_view!(),
+                ".endr",
+                "vmin.u{bits} q1, q2, q3",
+                "vmax.u{bits} q2, q2, q3",
+                // The second and the third lie between the greater minimum and the lesser maximum.
+                "vmax.u{bits} q3, q4, q1",
+                "vmin.u{bits} q4, q4, q1",
+                "vmin.u{bits} q0, q0, q2",
+                "vmin.u{bits} q1, q3, q0",
+                "vmax.u{bits} q3, q3, q0",
+                // The sums of two and of three, and three times the second.
+                add!("q4", "q4", "q1"),
+                add!("q0", "q4", "q3"),
+                add!("q2", "q1", "q1"),
+                add!("q2", "q2", "q1"),
+                add!("q1", "q4", "q4"),
+                add!("q4", "q4", "q1"),
+                add!("q0", "q0", "q0"),
+                "vcmp.u{bits} hi, q3, q2",
+                "vpsel q0, q4, q0",
+                finish_vector!()
+            ),
             "vmsr p0, {before}";
             before = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            bits = const 8 * size_of::<L>(),
             views = const V,
             masked = const MASKED,
-            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }
-    least as u16
+    L::from_index(least as usize)
 }
 
 /// The sum of two to four views, those whose bits are set in `MASKED` being masked: on the scale of
@@ -208,82 +256,72 @@ pub(super) unsafe fn heuristic<const V: usize, const MASKED: u8>(
 /// # Safety
 /// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.
 #[inline(always)]
-pub(super) unsafe fn sum<const V: usize, const MASKED: u8>(
-    blocks: *const [[u16; 8]; V],
-    masks: *const [[u16; 8]; V],
-    fused: &mut [[u16; 8]],
-) -> u16 {
-    let mut least = u32::from(u16::MAX);
+pub(super) unsafe fn sum<L: Lane, const V: usize, const MASKED: u8>(
+    blocks: *const [[L; 8]; V],
+    masks: *const [[L; 8]; V],
+    fused: &mut [[L; 8]],
+) -> L {
+    let mut least = L::MAX.widen();
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
     // changes is an output; the predicate, of which the compiler is not told, is restored.
     unsafe {
-        fuse_blocks!([blocks, masks -> fused, least] 300 bytes,
+        fuse_blocks!([blocks, masks -> fused, least] 600 bytes,
             "vmrs {before}, p0",
-            "dls lr, {n}",
-            "2:",
-            // Less 1 for each view that is hidden.
-            ".if {masked}",
-            "vmov.i32 q4, #0",
-            ".endif",
-            ".irp q, 0, 1, 2, 3",
-            ".if \\q < {views}",
-            "vldrh.u16 q\\q, [{block}], #16",
-            ".if ({masked} >> \\q) & 1",
-            "vldrh.u16 q5, [{mask}, #16 * \\q]",
-            "vbic q\\q, q\\q, q5",
-            "vadd.i16 q4, q4, q5",
-            ".endif",
-            ".if \\q",
-            "vqadd.u16 q0, q0, q\\q",
-            ".endif",
-            ".endif",
-            ".endr",
-            to_next_masks!(),
-            ".if {masked}",
-            ".if {views} == 2",
-            "vmov q1, q0",
-            ".elseif {views} == 3",
-            "vqadd.u16 q1, q0, q0",
-            "vqadd.u16 q0, q1, q1",
-            ".else",
-            "vmov q1, q0",
-            "vqadd.u16 q0, q0, q0",
-            "vqadd.u16 q0, q0, q1",
-            ".endif",
-            "vpt.i16 ne, q4, zr",
-            "vqaddt.u16 q0, q0, q1",
-            ".endif",
-            ".if {masked} & ({masked} - 1)",
-            // Of four views, 4 times the sum becomes 6 times.
-            ".if {views} == 4",
-            "vptt.s16 le, q4, {two_hidden}",
-            "vqaddt.u16 q0, q0, q1",
-            "vqaddt.u16 q0, q0, q1",
-            ".endif",
-            // All but one view are hidden: 12 times.
-            ".if {views} > 2",
-            "vpt.s16 le, q4, {all_but_one_hidden}",
-            "vqaddt.u16 q0, q0, q0",
-            ".endif",
-            "vpt.i16 eq, q4, {all_hidden}",
-            "vmvnt.i32 q0, #0",
-            ".endif",
-            "vstrh.16 q0, [{fused}], #16",
-            "vminv.u16 {least}, q0",
-            "le lr, 2b",
+            for_each_vector!(
+                // Less 1 for each view that is hidden.
+                ".if {masked}",
+                "vmov.i32 q4, #0",
+                ".endif",
+                ".irp q, 0, 1, 2, 3",
+                load_view!("vbic q\\q, q\\q, q5", "vadd.i{bits} q4, q4, q5"),
+                ".if \\q && (\\q < {views})",
+                add!("q0", "q0", "q\\q"),
+                ".endif",
+                ".endr",
+                ".if {masked}",
+                ".if {views} == 2",
+                "vmov q1, q0",
+                ".elseif {views} == 3",
+                add!("q1", "q0", "q0"),
+                add!("q0", "q1", "q1"),
+                ".else",
+                "vmov q1, q0",
+                add!("q0", "q0", "q0"),
+                add!("q0", "q0", "q1"),
+                ".endif",
+                "vpt.i{bits} ne, q4, zr",
+                add!("t", "q0", "q0", "q1"),
+                ".endif",
+                ".if {masked} & ({masked} - 1)",
+                // Of four views, 4 times the sum becomes 6 times.
+                ".if {views} == 4",
+                "vptt.s{bits} le, q4, {two_hidden}",
+                add!("t", "q0", "q0", "q1"),
+                add!("t", "q0", "q0", "q1"),
+                ".endif",
+                // All but one view are hidden: 12 times.
+                ".if {views} > 2",
+                "vpt.s{bits} le, q4, {all_but_one_hidden}",
+                add!("t", "q0", "q0", "q0"),
+                ".endif",
+                "vpt.i{bits} eq, q4, {all_hidden}",
+                "vmvnt.i32 q0, #0",
+                ".endif",
+                finish_vector!()
+            ),
             "vmsr p0, {before}";
             before = out(reg) _,
             two_hidden = in(reg) -2,
             all_but_one_hidden = in(reg) 1 - (V as i32),
             all_hidden = in(reg) -(V as i32),
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            bits = const 8 * size_of::<L>(),
             views = const V,
             masked = const MASKED,
-            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }
-    least as u16
+    L::from_index(least as usize)
 }
 
 /// The lesser lanes of two vectors in `$t`, and the greater ones in place of the first. The second is free.

@@ -7,9 +7,10 @@
 
 use core::arch::asm;
 
-use super::{Mve, VECTOR};
+use super::Mve;
 use crate::kernel::{
     bytes::Divisor,
+    isa::Lane,
     rule::Rule,
     steps::{RawStep, Steps},
 };
@@ -135,7 +136,7 @@ pub(super) unsafe fn slide_unrolled<const V: usize, const N: usize>(step: RawSte
 /// # Safety
 /// The step has as many vectors in a view as there are blocks, at least one.
 #[inline(always)]
-pub(super) unsafe fn slide<const V: usize>(step: RawStep<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+pub(super) unsafe fn slide<L: Lane, const V: usize>(step: RawStep<'_, Mve, V>, blocks: &mut [[[L; 8]; V]]) {
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
     // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is
     // an output.
@@ -157,9 +158,22 @@ pub(super) unsafe fn slide<const V: usize>(step: RawStep<'_, Mve, V>, blocks: &m
             "vadd.i16 q0, q0, q4",
             "vstrh.16 q0, [{column}], #16",
             "vsub.i16 q0, q0, q1",
+            ".if {bits} == 16",
             "vldrh.u16 q1, [{block}]",
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}], #{stride}",
+            ".else",
+            // The even lanes, and the odd ones.
+            "vmovlb.s16 q1, q0",
+            "vld20.32 {{q4, q5}}, [{block}]",
+            "vmovlt.s16 q0, q0",
+            "vld21.32 {{q4, q5}}, [{block}]",
+            "vadd.i32 q4, q4, q1",
+            "vadd.i32 q5, q5, q0",
+            "vst20.32 {{q4, q5}}, [{block}]",
+            "vst21.32 {{q4, q5}}, [{block}]",
+            "add {block}, {block}, #{stride}",
+            ".endif",
             "le lr, 3b",
             "sub {block}, {block}, {to_next_view}",
             "cmp {tracks}, {end}",
@@ -171,12 +185,13 @@ pub(super) unsafe fn slide<const V: usize>(step: RawStep<'_, Mve, V>, blocks: &m
             column = inout(reg) entering => _,
             leaving_column = inout(reg) leaving => _,
             block = inout(reg) blocks.as_mut_ptr() => _,
-            to_next_view = in(reg) (blocks.len() * V - 1) * VECTOR,
+            to_next_view = in(reg) size_of_val(blocks) - size_of::<[L; 8]>(),
             // Loads that widen take their addresses from low registers.
             inout("r2") u32::from(center.entering) => _,
             inout("r3") u32::from(center.leaving) => _,
-            out("r4") _, out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _,
-            stride = const VECTOR * V,
+            out("r4") _, out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            bits = const 8 * size_of::<L>(),
+            stride = const size_of::<[[L; 8]; V]>(),
             options(nostack),
         );
     }
@@ -195,14 +210,14 @@ pub(super) fn suits<const V: usize>(
 
 /// Calls a function with the views that are masked as a constant: none, one, or any.
 macro_rules! by_mask {
-    ($masked:expr, $module:ident::$function:ident($($argument:expr),*)) => {
+    ($masked:expr, $module:ident::$function:ident::<$($generic:ident),+>($($argument:expr),*)) => {
         match $masked {
-            0 => $module::$function::<V, 0>($($argument),*),
-            1 => $module::$function::<V, 1>($($argument),*),
-            2 => $module::$function::<V, 2>($($argument),*),
-            4 => $module::$function::<V, 4>($($argument),*),
-            8 => $module::$function::<V, 8>($($argument),*),
-            _ => $module::$function::<V, 15>($($argument),*),
+            0 => $module::$function::<$($generic),+, 0>($($argument),*),
+            1 => $module::$function::<$($generic),+, 1>($($argument),*),
+            2 => $module::$function::<$($generic),+, 2>($($argument),*),
+            4 => $module::$function::<$($generic),+, 4>($($argument),*),
+            8 => $module::$function::<$($generic),+, 8>($($argument),*),
+            _ => $module::$function::<$($generic),+, 15>($($argument),*),
         }
     };
 }

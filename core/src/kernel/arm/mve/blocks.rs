@@ -22,7 +22,7 @@ fn prime<const V: usize>(steps: &mut Steps<'_, Mve, V>) {
 
 /// [`Blocks::slide`].
 #[inline(always)]
-fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+fn slide_along<L: Lane, const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[L; 8]; V]]) {
     if steps.vectors() != blocks.len() || blocks.is_empty() {
         return;
     }
@@ -30,10 +30,10 @@ fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u1
     // SAFETY: the step has as many vectors in a view as there are blocks, not 0.
     unsafe {
         match blocks.len() {
-            1 => slide::slide_unrolled::<V, 1>(step, blocks),
-            2 => slide::slide_unrolled::<V, 2>(step, blocks),
-            4 if const { V <= 4 } => slide::slide_unrolled::<V, 4>(step, blocks),
-            _ => slide::slide::<u16, V>(step, blocks),
+            1 => slide::slide_unrolled::<L, V, 1>(step, blocks),
+            2 => slide::slide_unrolled::<L, V, 2>(step, blocks),
+            4 if const { V <= 4 } => slide::slide_unrolled::<L, V, 4>(step, blocks),
+            _ => slide::slide::<L, V>(step, blocks),
         }
     }
 }
@@ -119,6 +119,30 @@ fn fuse_sum<L: Lane, const V: usize>(masked: u8, blocks: &[[[L; 8]; V]], masks: 
     unsafe { by_mask!(masked, fuse::sum::<L, V>(block, mask, fused)) }
 }
 
+/// [`Blocks::fuse_masked`] of up to four views, if there is a loop for the rule.
+#[inline(always)]
+fn fuse_few<L: Lane, const V: usize>(
+    rule: Rule,
+    masked: u8,
+    blocks: &[[[L; 8]; V]],
+    masks: &[[[L; 8]; V]],
+    fused: &mut [[L; 8]],
+) -> Option<L> {
+    if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
+        return Some(L::MAX);
+    }
+    let (block, mask) = (blocks.as_ptr(), masks.as_ptr());
+    // SAFETY: there are as many blocks and masks as fused costs, not 0.
+    unsafe {
+        match (rule, V) {
+            (Rule::Min, ..=4) => Some(by_mask!(masked, fuse::min::<L, V>(block, mask, fused))),
+            (Rule::Heuristic, 3 | 4) => Some(by_mask!(masked, fuse::heuristic::<L, V>(block, mask, fused))),
+            (Rule::Sum, 2..=4) => Some(fuse_sum(masked, blocks, masks, fused)),
+            _ => None,
+        }
+    }
+}
+
 impl Blocks<u16> for Mve {
     const MASKS_SUM: bool = true;
     type Costs = [u16; 8];
@@ -170,18 +194,15 @@ impl Blocks<u16> for Mve {
 
     #[inline(always)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
-        if blocks.len() != fused.len() || fused.is_empty() {
-            return u16::MAX;
+        if let Some(least) = fuse_few(rule, 0, blocks, blocks, fused) {
+            return least;
         }
-        let first = blocks.as_ptr();
-        // SAFETY: there are as many blocks as fused costs, not 0, of eight views in the loops for eight. Nothing is masked.
+        let first = blocks.as_ptr().cast();
+        // SAFETY: there are as many blocks as fused costs, not 0, of eight views. Nothing is masked.
         unsafe {
             match (rule, V) {
-                (Rule::Min, ..=4) => fuse::min::<u16, V, 0>(first, first, fused),
-                (Rule::Heuristic, 3 | 4) => fuse::heuristic::<u16, V, 0>(first, first, fused),
-                (Rule::Sum, 2..=4) => fuse_sum(0, blocks, blocks, fused),
-                (Rule::Min, 8) => fuse::min_of_eight::<false>(first.cast(), first.cast(), fused),
-                (Rule::Half, 8) => fuse::half_of_eight(first.cast(), fused),
+                (Rule::Min, 8) => fuse::min_of_eight::<false>(first, first, fused),
+                (Rule::Half, 8) => fuse::half_of_eight(first, fused),
                 _ => fuse_loop(self, rule, blocks, fused),
             }
         }
@@ -199,26 +220,15 @@ impl Blocks<u16> for Mve {
         if masked == 0 {
             return self.fuse(rule, blocks, fused);
         }
-        if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
-            return u16::MAX;
+        if let Some(least) = fuse_few(rule, masked, blocks, masks, fused) {
+            return least;
         }
-        let (first, mask) = (blocks.as_ptr(), masks.as_ptr());
-        // SAFETY: there are as many blocks and masks as fused costs, not 0, of eight views in the loops for eight.
+        let (first, mask) = (blocks.as_ptr().cast(), masks.as_ptr().cast());
+        // SAFETY: there are as many blocks and masks as fused costs, not 0, of eight views.
         unsafe {
-            match (rule, V, masked) {
-                (Rule::Min, ..=4, 1) => fuse::min::<u16, V, 1>(first, mask, fused),
-                (Rule::Min, ..=4, 2) => fuse::min::<u16, V, 2>(first, mask, fused),
-                (Rule::Min, ..=4, 4) => fuse::min::<u16, V, 4>(first, mask, fused),
-                (Rule::Min, ..=4, 8) => fuse::min::<u16, V, 8>(first, mask, fused),
-                (Rule::Min, ..=4, _) => fuse::min::<u16, V, 15>(first, mask, fused),
-                (Rule::Heuristic, 3 | 4, 1) => fuse::heuristic::<u16, V, 1>(first, mask, fused),
-                (Rule::Heuristic, 3 | 4, 2) => fuse::heuristic::<u16, V, 2>(first, mask, fused),
-                (Rule::Heuristic, 3 | 4, 4) => fuse::heuristic::<u16, V, 4>(first, mask, fused),
-                (Rule::Heuristic, 3 | 4, 8) => fuse::heuristic::<u16, V, 8>(first, mask, fused),
-                (Rule::Heuristic, 3 | 4, _) => fuse::heuristic::<u16, V, 15>(first, mask, fused),
-                (Rule::Sum, 2..=4, _) => fuse_sum(masked, blocks, masks, fused),
-                (Rule::Min, 8, _) => fuse::min_of_eight::<true>(first.cast(), mask.cast(), fused),
-                (Rule::Half, 8, _) => fuse::half_of_eight_masked(first.cast(), mask.cast(), fused),
+            match (rule, V) {
+                (Rule::Min, 8) => fuse::min_of_eight::<true>(first, mask, fused),
+                (Rule::Half, 8) => fuse::half_of_eight_masked(first, mask, fused),
                 _ => fuse_masked_loop(self, rule, blocks, masks, fused),
             }
         }
@@ -257,29 +267,12 @@ impl Blocks<u32> for Mve {
 
     #[inline(never)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 8]; V]]) {
-        if steps.vectors() != blocks.len() || blocks.is_empty() {
-            return;
-        }
-        let Some(step) = steps.next_raw() else { return };
-        // SAFETY: the step has as many vectors in a view as there are blocks, not 0.
-        unsafe { slide::slide(step, blocks) }
+        slide_along(steps, blocks);
     }
 
     #[inline(always)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 8]; V]], fused: &mut [[u32; 8]]) -> u32 {
-        if blocks.len() != fused.len() || fused.is_empty() {
-            return u32::MAX;
-        }
-        let first = blocks.as_ptr();
-        // SAFETY: there are as many blocks as fused costs, not 0. Nothing is masked.
-        unsafe {
-            match (rule, V) {
-                (Rule::Min, ..=4) => fuse::min::<u32, V, 0>(first, first, fused),
-                (Rule::Heuristic, 3 | 4) => fuse::heuristic::<u32, V, 0>(first, first, fused),
-                (Rule::Sum, 2..=4) => fuse_sum(0, blocks, blocks, fused),
-                _ => fuse_loop(self, rule, blocks, fused),
-            }
-        }
+        fuse_few(rule, 0, blocks, blocks, fused).unwrap_or_else(|| fuse_loop(self, rule, blocks, fused))
     }
 
     #[inline(always)]
@@ -291,21 +284,10 @@ impl Blocks<u32> for Mve {
         masks: &[[[u32; 8]; V]],
         fused: &mut [[u32; 8]],
     ) -> u32 {
-        if masked == 0 {
-            return self.fuse(rule, blocks, fused);
-        }
-        if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
-            return u32::MAX;
-        }
-        let (first, mask) = (blocks.as_ptr(), masks.as_ptr());
-        // SAFETY: there are as many blocks and masks as fused costs, not 0.
-        unsafe {
-            match (rule, V) {
-                (Rule::Min, ..=4) => fuse::min::<u32, V, 15>(first, mask, fused),
-                (Rule::Heuristic, 3 | 4) => fuse::heuristic::<u32, V, 15>(first, mask, fused),
-                (Rule::Sum, 2..=4) => fuse_sum(masked, blocks, masks, fused),
-                _ => fuse_masked_loop(self, rule, blocks, masks, fused),
-            }
+        match masked {
+            0 => self.fuse(rule, blocks, fused),
+            _ => fuse_few(rule, masked, blocks, masks, fused)
+                .unwrap_or_else(|| fuse_masked_loop(self, rule, blocks, masks, fused)),
         }
     }
 

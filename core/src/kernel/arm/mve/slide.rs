@@ -80,17 +80,36 @@ pub(super) unsafe fn prime<const V: usize>(step: RawStep<'_, Mve, V>, vectors: u
     }
 }
 
+/// Adds the differences in q0 to block sums of 32 bits: the even lanes, and the odd ones.
+macro_rules! slide_wide {
+    ($block:literal) => {
+        concat!(
+            "vmovlb.s16 q1, q0
+            vld20.32 {{q4, q5}}, [", $block, "]
+            vmovlt.s16 q0, q0
+            vld21.32 {{q4, q5}}, [", $block, "]
+            vadd.i32 q4, q4, q1
+            vadd.i32 q5, q5, q0
+            vst20.32 {{q4, q5}}, [", $block, "]
+            vst21.32 {{q4, q5}}, [", $block, "]"
+        )
+    };
+}
+
 /// [`slide`] with `N` vectors in a view, unrolled: at most 16 in all.
 ///
 /// # Safety
 /// The step has as many vectors in a view as there are blocks: `N`.
 #[inline(always)]
-pub(super) unsafe fn slide_unrolled<const V: usize, const N: usize>(step: RawStep<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+pub(super) unsafe fn slide_unrolled<L: Lane, const V: usize, const N: usize>(
+    step: RawStep<'_, Mve, V>,
+    blocks: &mut [[[L; 8]; V]],
+) {
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
     // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is
     // an output.
     unsafe {
-        asm_up_to!(1200 bytes,
+        asm_up_to!(1600 bytes,
             "vdup.16 q2, r2",
             "vdup.16 q3, r3",
             ".irp k, 0, 1, 2, 3, 4, 5, 6, 7",
@@ -108,9 +127,14 @@ pub(super) unsafe fn slide_unrolled<const V: usize, const N: usize>(step: RawSte
             "vadd.i16 q0, q0, q4",
             "vstrh.16 q0, [{column}, #(16 * ({vectors} * \\k + \\j))]",
             "vsub.i16 q0, q0, q1",
+            ".if {bits} == 16",
             "vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]",
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}, #(16 * ({views} * \\j + \\k))]",
+            ".else",
+            "add.w r4, {block}, #(32 * ({views} * \\j + \\k))",
+            slide_wide!("r4"),
+            ".endif",
             ".endif",
             ".endr",
             ".endif",
@@ -123,7 +147,8 @@ pub(super) unsafe fn slide_unrolled<const V: usize, const N: usize>(step: RawSte
             // Loads that widen take their addresses from low registers.
             inout("r2") u32::from(center.entering) => _,
             inout("r3") u32::from(center.leaving) => _,
-            out("r4") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _,
+            out("r4") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            bits = const 8 * size_of::<L>(),
             views = const V,
             vectors = const N,
             options(nostack),
@@ -163,15 +188,7 @@ pub(super) unsafe fn slide<L: Lane, const V: usize>(step: RawStep<'_, Mve, V>, b
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}], #{stride}",
             ".else",
-            // The even lanes, and the odd ones.
-            "vmovlb.s16 q1, q0",
-            "vld20.32 {{q4, q5}}, [{block}]",
-            "vmovlt.s16 q0, q0",
-            "vld21.32 {{q4, q5}}, [{block}]",
-            "vadd.i32 q4, q4, q1",
-            "vadd.i32 q5, q5, q0",
-            "vst20.32 {{q4, q5}}, [{block}]",
-            "vst21.32 {{q4, q5}}, [{block}]",
+            slide_wide!("{block}"),
             "add {block}, {block}, #{stride}",
             ".endif",
             "le lr, 3b",

@@ -91,25 +91,25 @@ impl Disparity {
     pub fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
         // Rounding positive values half up, and mirroring the others, rounds halves away from zero.
-        let (whole, half) = (i32::from(d) * Disparity::STEPS, Disparity::STEPS / 2);
-        Disparity::from_bits(match is_negative(d.into(), fall, rise) {
-            true => whole + half - Disparity::steps(rise, fall),
-            false => whole - half + Disparity::steps(fall, rise),
-        } as i16)
+        let (whole, half) = ((d as u16).wrapping_mul(Disparity::STEPS as u16), Disparity::STEPS as u16 / 2);
+        // Sums of 16 bits, encoded by a constant, are fewer instructions than the same in 32.
+        Disparity::from_raw16(match is_negative(d.into(), fall, rise) {
+            true => whole.wrapping_add(0x8000 + half).wrapping_sub(Disparity::steps(rise, fall)),
+            false => whole.wrapping_add(0x8000 - half).wrapping_add(Disparity::steps(fall, rise)),
+        })
     }
 
     /// The distance in steps from `d - 1/2` to the vertex of a parabola that falls by `fall` to `d` and rises
     /// by `rise` after it, rounded half up.
     #[inline(always)]
-    fn steps(fall: u32, rise: u32) -> i32 {
-        let sum = fall.wrapping_add(rise);
+    fn steps(fall: u32, rise: u32) -> u16 {
         // The floor of 64 (1/2 + shift) + 1/2, which is never negative. The shift is (fall - rise) / (2 sum);
         // dividend and divisor are times 2 sum.
-        let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
-        let divisor = sum.wrapping_mul(2);
+        let dividend = fall.wrapping_mul(129).wrapping_add(rise);
+        let divisor = fall.wrapping_add(rise).wrapping_mul(2);
         let quotient =
             if cfg!(multiscopic_no_division) { divide_by_bits(dividend, divisor) } else { dividend.checked_div(divisor) };
-        quotient.map_or(Disparity::STEPS / 2, |steps| steps as i32)
+        quotient.map_or(Disparity::STEPS as u16 / 2, |steps| steps as u16)
     }
 
     /// [`refine`](Disparity::refine) for costs up to 2^53.

@@ -43,6 +43,8 @@ pub trait Blocks<L: Lane>: Isa {
     const MASKS_SUM: bool = false;
     /// The most views that masks hide from such a sum at a pixel. Of more, `fuse_available` is faster.
     const MOST_MASKED_OF_SUM: u32 = if Self::MASKS_SUM { 4 } else { 0 };
+    /// True if [`Rule::Half`] of three or four views is fused in lanes. Otherwise exact costs do, one by one.
+    const FUSES_HALF: bool = Rule::HAS_HALF;
     /// A vector of costs in memory.
     type Costs: Pod;
     /// A vector of block sums, or of costs fused from them.

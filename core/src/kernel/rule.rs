@@ -21,7 +21,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    /// True if [`Rule::Half`] is fused in lanes. Otherwise exact costs do, one by one.
+    /// True if [`fuse`](Rule::fuse) knows [`Rule::Half`] of three views or more.
     pub(crate) const HAS_HALF: bool = Views::MAX_MATCHED > 4;
 
     /// The rule for one to eight views.

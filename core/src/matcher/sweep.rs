@@ -127,7 +127,7 @@ impl<I: Kernel> Output<u16, I> for CostLine<'_> {
         slide_to_first::<u16, I, V>(isa, params.get().radius(), &mut steps, blocks);
         let rule = Rule::new(params.get().fusion(), V);
         // Lanes do not divide by five or seven.
-        if (const { V > 4 } && rule == Rule::Sum) || (const { !Rule::HAS_HALF && V > 2 } && rule == Rule::Half) {
+        if (const { V > 4 } && rule == Rule::Sum) || (const { !<I as Blocks<u16>>::FUSES_HALF && V > 2 } && rule == Rule::Half) {
             for (costs, u) in costs.chunks_exact_mut(depth.max(1)).zip(region.columns()) {
                 Blocks::<u16>::slide(isa, &mut steps, blocks);
                 Exact::<u16, I, P, V> { params, u, v, prior: None, blocks }.quotients(shift, costs);
@@ -212,7 +212,7 @@ pub(super) struct DisparityLine<'a> {
 impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn fill<P: Params<BlockMatchingParams>, const V: usize>(sweep: Sweep<'_, L, I, V, P, Self>) {
-        if const { !Rule::HAS_HALF && V > 2 } && Rule::new(sweep.params.get().fusion(), V) == Rule::Half {
+        if const { !I::FUSES_HALF && V > 2 } && Rule::new(sweep.params.get().fusion(), V) == Rule::Half {
             return sweep.by_exact_costs();
         }
         let needs_peaks = sweep.out.peaks.is_some() || sweep.params.get().uniqueness_ratio().is_some();

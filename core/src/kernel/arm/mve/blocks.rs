@@ -138,6 +138,8 @@ fn fuse_few<L: Lane, const V: usize>(
             (Rule::Min, ..=4) => Some(by_mask!(masked, fuse::min::<L, V>(block, mask, fused))),
             (Rule::Heuristic, 3 | 4) => Some(by_mask!(masked, fuse::heuristic::<L, V>(block, mask, fused))),
             (Rule::Sum, 2..=4) => Some(fuse_sum(masked, blocks, masks, fused)),
+            (Rule::Half, 3 | 4) if masked == 0 => Some(fuse::half::<L, V, 0>(block, mask, fused)),
+            (Rule::Half, 3 | 4) => Some(fuse::half::<L, V, 15>(block, mask, fused)),
             _ => None,
         }
     }
@@ -145,6 +147,7 @@ fn fuse_few<L: Lane, const V: usize>(
 
 impl Blocks<u16> for Mve {
     const MASKS_SUM: bool = true;
+    const FUSES_HALF: bool = true;
     type Costs = [u16; 8];
     type Block = [u16; 8];
 
@@ -242,6 +245,7 @@ impl Blocks<u16> for Mve {
 
 impl Blocks<u32> for Mve {
     const MASKS_SUM: bool = true;
+    const FUSES_HALF: bool = true;
     type Costs = [u32; 8];
     type Block = [u32; 8];
 

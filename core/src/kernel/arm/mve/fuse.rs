@@ -185,6 +185,36 @@ pub(super) unsafe fn min_of_eight<const MASKED: bool>(
     least as u16
 }
 
+/// Loads the costs of three or four views. Leaves the least in q4, the second in q1, and the third as the greater of q0 and q3.
+macro_rules! sort_least_two {
+    () => {
+        concat!(
+            ".irp q, 0, 1\n",
+            load_view!(),
+            "\n.endr
+            vmin.u{bits} q4, q0, q1
+            .irp q, 2\n",
+            load_view!(),
+            // Without a fourth view, its cost is the greatest.
+            "\n.endr
+            vmax.u{bits} q0, q0, q1
+            .if {views} < 4
+            vmov.i8 q3, #255
+            .endif
+            .irp q, 3\n",
+            load_view!(),
+            // The second and the third lie between the greater minimum and the lesser maximum.
+            "\n.endr
+            vmin.u{bits} q1, q2, q3
+            vmax.u{bits} q2, q2, q3
+            vmax.u{bits} q3, q4, q1
+            vmin.u{bits} q4, q4, q1
+            vmin.u{bits} q0, q0, q2
+            vmin.u{bits} q1, q3, q0"
+        )
+    };
+}
+
 /// The heuristic rule over three or four views, those whose bits are set in `MASKED` being masked. Returns
 /// the least fused cost.
 ///
@@ -203,28 +233,7 @@ pub(super) unsafe fn heuristic<L: Lane, const V: usize, const MASKED: u8>(
         fuse_blocks!([blocks, masks -> fused, least] 400 bytes,
             "vmrs {before}, p0",
             for_each_vector!(
-                ".irp q, 0, 1",
-                load_view!(),
-                ".endr",
-                "vmin.u{bits} q4, q0, q1",
-                ".irp q, 2",
-                load_view!(),
-                ".endr",
-                "vmax.u{bits} q0, q0, q1",
-                // Without a fourth view, its cost is the greatest.
-                ".if {views} < 4",
-                "vmov.i8 q3, #255",
-                ".endif",
-                ".irp q, 3",
-                load_view!(),
-                ".endr",
-                "vmin.u{bits} q1, q2, q3",
-                "vmax.u{bits} q2, q2, q3",
-                // The second and the third lie between the greater minimum and the lesser maximum.
-                "vmax.u{bits} q3, q4, q1",
-                "vmin.u{bits} q4, q4, q1",
-                "vmin.u{bits} q0, q0, q2",
-                "vmin.u{bits} q1, q3, q0",
+                sort_least_two!(),
                 "vmax.u{bits} q3, q3, q0",
                 // The sum of two, three times the second, and twice the third.
                 add!("q4", "q4", "q1"),
@@ -251,6 +260,46 @@ pub(super) unsafe fn heuristic<L: Lane, const V: usize, const MASKED: u8>(
             before = out(reg) _,
             two = in(reg) 2,
             three = in(reg) 3,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            bits = const 8 * size_of::<L>(),
+            views = const V,
+            masked = const MASKED,
+            options(nostack, preserves_flags),
+        );
+    }
+    L::from_index(least as usize)
+}
+
+/// The sum of the least two of three or four views, those whose bits are set in `MASKED` being masked: of two or one that are left,
+/// twice the least. Returns the least fused cost.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.
+#[inline(always)]
+pub(super) unsafe fn half<L: Lane, const V: usize, const MASKED: u8>(
+    blocks: *const [[L; 8]; V],
+    masks: *const [[L; 8]; V],
+    fused: &mut [[L; 8]],
+) -> L {
+    let mut least = L::MAX.widen();
+    // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
+    // changes is an output; the predicate, of which the compiler is not told, is restored.
+    unsafe {
+        fuse_blocks!([blocks, masks -> fused, least] 400 bytes,
+            "vmrs {before}, p0",
+            for_each_vector!(
+                sort_least_two!(),
+                ".if {masked}",
+                "vmax.u{bits} q3, q3, q0",
+                "vcmp.i{bits} eq, q3, {maximum}",
+                "vpsel q1, q4, q1",
+                ".endif",
+                "vqadd.u{bits} q0, q4, q1",
+                finish_vector!()
+            ),
+            "vmsr p0, {before}";
+            before = out(reg) _,
+            maximum = in(reg) u32::MAX,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
             bits = const 8 * size_of::<L>(),
             views = const V,

@@ -252,8 +252,9 @@ impl<'a, L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'a, L,
         I: 'e,
         P: 'e,
     {
-        let d = self.params.get().min_disparity() + index as i16;
         let before = index.wrapping_sub(1);
+        // From the index whose range is checked, so that the compiler knows the sign.
+        let d = self.params.get().min_disparity() + 1 + before as i16;
         let neighbours = || {
             let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
             let costs = (*lanes.get(lane::<I>(before))?, *lanes.get(lane::<I>(index + 1))?);

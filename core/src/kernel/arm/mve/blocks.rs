@@ -45,12 +45,13 @@ fn position<L: Lane>(costs: &[[L; 8]], cost: L) -> usize {
         return 0;
     }
     let vectors = size_of_val(costs) / VECTOR;
-    let (equal, vectors_left): (u32, usize);
+    let lanes_left: usize;
     // SAFETY: reads one vector after the other, at least one, at most all. Every register that changes is
     // an output; the predicate, of which the compiler is not told, is restored.
     unsafe {
         asm!(
             "vmrs {before}, p0",
+            "dls lr, {vectors}",
             "2:",
             ".if {bits} == 16",
             "vldrh.u16 q0, [{costs}], #16",
@@ -61,22 +62,26 @@ fn position<L: Lane>(costs: &[[L; 8]], cost: L) -> usize {
             "vmrs {equal}, p0",
             "cmp {equal}, #0",
             "bne 3f",
-            "subs {vectors_left}, {vectors_left}, #1",
-            "bne 2b",
+            "le lr, 2b",
             "3:",
             "vmsr p0, {before}",
+            // A bit for each byte of a lane, and the vectors from this one on.
+            "rbit {equal}, {equal}",
+            "clz {equal}, {equal}",
+            "lsr {equal}, {equal}, #({bits} / 16)",
+            "rsb {equal}, {equal}, lr, lsl #(4 - {bits} / 16)",
             costs = inout(reg) costs.as_ptr() => _,
-            vectors_left = inout(reg) vectors => vectors_left,
+            vectors = in(reg) vectors,
             cost = in(reg) cost.widen(),
             before = out(reg) _,
-            equal = out(reg) equal,
+            equal = out(reg) lanes_left,
+            out("lr") _,
             out("q0") _,
             bits = const 8 * size_of::<L>(),
             options(readonly, nostack),
         );
     }
-    // A bit for each byte of a lane; none if no lane has the cost.
-    (VECTOR * (vectors - vectors_left) + equal.trailing_zeros() as usize) / size_of::<L>()
+    size_of_val(costs) / size_of::<L>() - lanes_left
 }
 
 /// [`Blocks::least`].
@@ -290,8 +295,9 @@ impl Blocks<u32> for Mve {
     ) -> u32 {
         match masked {
             0 => self.fuse(rule, blocks, fused),
-            _ => fuse_few(rule, masked, blocks, masks, fused)
-                .unwrap_or_else(|| fuse_masked_loop(self, rule, blocks, masks, fused)),
+            _ => {
+                fuse_few(rule, masked, blocks, masks, fused).unwrap_or_else(|| fuse_masked_loop(self, rule, blocks, masks, fused))
+            }
         }
     }
 

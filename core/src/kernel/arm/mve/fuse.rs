@@ -50,7 +50,9 @@ macro_rules! add {
             concat!("\n.else\nvadd", $then, ".i32 ", $to, ", ", $a, ", ", $b, "\n.endif")
         )
     };
-    ($to:literal, $a:literal, $b:literal) => { add!("", $to, $a, $b) };
+    ($to:literal, $a:literal, $b:literal) => {
+        add!("", $to, $a, $b)
+    };
 }
 
 /// Loads the costs of a view into `q\q`, if there is such a view, and applies its mask by way of q5: raises costs to it, or does

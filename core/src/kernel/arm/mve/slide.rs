@@ -85,13 +85,21 @@ macro_rules! slide_wide {
     ($block:literal) => {
         concat!(
             "vmovlb.s16 q1, q0
-            vld20.32 {{q4, q5}}, [", $block, "]
+            vld20.32 {{q4, q5}}, [",
+            $block,
+            "]
             vmovlt.s16 q0, q0
-            vld21.32 {{q4, q5}}, [", $block, "]
+            vld21.32 {{q4, q5}}, [",
+            $block,
+            "]
             vadd.i32 q4, q4, q1
             vadd.i32 q5, q5, q0
-            vst20.32 {{q4, q5}}, [", $block, "]
-            vst21.32 {{q4, q5}}, [", $block, "]"
+            vst20.32 {{q4, q5}}, [",
+            $block,
+            "]
+            vst21.32 {{q4, q5}}, [",
+            $block,
+            "]"
         )
     };
 }

@@ -38,11 +38,9 @@ use crate::{availability::Availability, params::PriorLine};
 pub trait Blocks<L: Lane>: Isa {
     /// True if batches keep the sums of a block in registers, if it has one vector or two in each view.
     const IN_REGISTERS: bool = false;
-    /// True if masks hide views from [`Rule::Sum`] too, of two to four views: [`fuse_masked`](Blocks::fuse_masked) is
-    /// faster than [`fuse_available`](Blocks::fuse_available), run by run.
-    const MASKS_SUM: bool = false;
-    /// The most views that masks hide from such a sum at a pixel. Of more, `fuse_available` is faster.
-    const MOST_MASKED_OF_SUM: u32 = if Self::MASKS_SUM { 4 } else { 0 };
+    /// The most views that masks hide from [`Rule::Sum`] of two to four at a pixel: up to these,
+    /// [`fuse_masked`](Blocks::fuse_masked) is faster than [`fuse_available`](Blocks::fuse_available), run by run.
+    const MOST_MASKED_OF_SUM: u32 = 0;
     /// True if [`Rule::Half`] of three or four views is fused in lanes. Otherwise exact costs do, one by one.
     const FUSES_HALF: bool = Rule::HAS_HALF;
     /// A vector of costs in memory.

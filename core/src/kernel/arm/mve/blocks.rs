@@ -151,7 +151,7 @@ fn fuse_few<L: Lane, const V: usize>(
 }
 
 impl Blocks<u16> for Mve {
-    const MASKS_SUM: bool = true;
+    const MOST_MASKED_OF_SUM: u32 = 4;
     const FUSES_HALF: bool = true;
     type Costs = [u16; 8];
     type Block = [u16; 8];
@@ -249,7 +249,7 @@ impl Blocks<u16> for Mve {
 }
 
 impl Blocks<u32> for Mve {
-    const MASKS_SUM: bool = true;
+    const MOST_MASKED_OF_SUM: u32 = 4;
     const FUSES_HALF: bool = true;
     type Costs = [u32; 8];
     type Block = [u32; 8];

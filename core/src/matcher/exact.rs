@@ -15,7 +15,8 @@
 //! cost, which is a multiple of it, can have saturated there. [`Fusion::fuse`] takes the sums widened to 32 bits.
 //!
 //! Each call visits all candidates. It is `#[cold]`, and no state outlives it: the callers' loops stay as small as without
-//! it. Where an instruction set does not [fuse](Blocks::FUSES_HALF) the rule [`Fusion::Half`] in lanes, every pixel is computed here.
+//! it. Where an instruction set does not [fuse](Blocks::FUSES_HALF) the rule [`Fusion::Half`] in lanes, every pixel is computed
+//! here.
 
 use core::{ops::Range, slice};
 

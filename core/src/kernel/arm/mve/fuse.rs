@@ -272,8 +272,8 @@ pub(super) unsafe fn heuristic<L: Lane, const V: usize, const MASKED: u8>(
     L::from_index(least as usize)
 }
 
-/// The sum of the least two of three or four views, those whose bits are set in `MASKED` being masked: of two or one that are left,
-/// twice the least. Returns the least fused cost.
+/// The sum of the least two of three or four views, those whose bits are set in `MASKED` being masked: of two or one that are
+/// left, twice the least. Returns the least fused cost.
 ///
 /// # Safety
 /// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.

@@ -94,10 +94,10 @@ impl Processor {
     /// manufacturer publishes none for the part that [`clock_mhz`](Processor::clock_mhz) is of.
     pub fn nanojoules_per_cycle(self) -> Option<f64> {
         match self {
-            // nRF52840 Product Specification: 52 µA/MHz (3.3 mA at 64 MHz) running CoreMark from flash with its cache, at 3 V and
-            // 25 °C, by the DC/DC regulator.
+            // nRF52840: Nordic states 52 µA/MHz (3.3 mA at 64 MHz) running CoreMark from flash with its cache, at 3 V and 25 °C, by the
+            // DC/DC regulator.
             Processor::CortexM4 => Some(0.156),
-            // STM32H743, DS12110: 275 µA/MHz at 480 MHz in run mode, at 3.3 V and 25 °C, typical, by the linear regulator.
+            // STM32H743: ST states 275 µA/MHz in run mode, typical, at 3.3 V and 25 °C, by the linear regulator.
             Processor::CortexM7 => Some(0.91),
             // The data sheets of the RP2350 and the RP2040 have no number for one core; AN547 is an image for an FPGA.
             Processor::CortexM33 | Processor::CortexM55 | Processor::CortexM0Plus | Processor::Rv32imac => None,

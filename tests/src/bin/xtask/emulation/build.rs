@@ -236,16 +236,11 @@ pub fn build_pico2(toolchain: &Toolchain) -> Result<()> {
 
 /// Lints the programs to begin with, and links each as who copies its folder does. Returns their images.
 pub fn build_start(toolchain: &Toolchain) -> Result<[PathBuf; 3]> {
+    run(cargo_in(toolchain, START, "clippy").args(["--bins", "--all-features", "--", "-Dwarnings"]))?;
     // Each alone: the interrupts of RTIC's device are linked into no other.
     let programs = ["start", "with-embassy --features=embassy", "with-rtic --features=rtic"];
     for program in programs {
-        let cargo = |verb| {
-            let mut cargo = cargo_in(toolchain, START, verb);
-            cargo.arg("--bin").args(program.split(' '));
-            cargo
-        };
-        run(cargo("clippy").args(["--", "-Dwarnings"]))?;
-        run(&mut cargo("build"))?;
+        run(cargo_in(toolchain, START, "build").arg("--bin").args(program.split(' ')))?;
     }
     let images = system::edge_target().join(emulated_board::REFERENCE.target).join("release");
     Ok(programs.map(|program| images.join(program.split(' ').next().unwrap_or_default())))

@@ -274,7 +274,7 @@ fn checks(seed: u64) -> Result<Vec<Run>> {
         let mixed = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         ((mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb) >> 33) as usize % end
     };
-    let mut random = || -> Result<Matching> {
+    let random = || -> Result<Matching> {
         let width = 48 + below(120) as u16;
         let shape = Shape {
             width,
@@ -293,7 +293,7 @@ fn checks(seed: u64) -> Result<Vec<Run>> {
             _ => shape.in_tiles(variant, shape.block_sizes[wide]),
         }
     };
-    let matches = iter::repeat_with(|| random()).filter(|matching| matching.as_ref().map_or(true, fits)).take(CHECKS);
+    let matches = iter::repeat_with(random).filter(|matching| matching.as_ref().map_or(true, fits)).take(CHECKS);
     Ok(matches.collect::<Result<Vec<_>>>()?.into_iter().map(|matching| Run { matching }).collect())
 }
 

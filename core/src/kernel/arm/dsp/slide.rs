@@ -88,7 +88,7 @@ pub(super) unsafe fn slide<C: Pod, const V: usize, const N: usize>(step: RawStep
     // SAFETY: the step has samples and sums of `V` views in as many vectors as there are blocks. Every
     // register that changes is an output or restored from the stack.
     unsafe {
-        asm_up_to!(5400 bytes,
+        asm_up_to!(6300 bytes,
             // The code takes all registers. The stack holds the centre's samples, whose registers each vector
             // borrows; r6 and r7, which are reserved for the compiler; the tracks and the column's index.
             "push {{r2, r3, r6, r7, r9, r10}}",

@@ -160,15 +160,20 @@ fn is_slide_looped(params: &BlockMatchingParams, processor: Processor) -> bool {
     let is_straight = match vectors(params.search(), processor) {
         1 | 2 => true,
         4 => has_few_views || processor != Processor::CortexM55,
-        8 => has_few_views && processor != Processor::CortexM55,
+        8 => has_few_views && !is_wide(params) && processor != Processor::CortexM55,
         _ => false,
     };
-    processor.has_kernel() && !is_wide(params) && !is_straight
+    processor.has_kernel() && !is_straight
 }
 
-/// Returns true if the processor's kernel masks sums where views are unavailable. Lanes of 32 bits are fused by segments.
-fn masks_sums(params: &BlockMatchingParams, processor: Processor) -> bool {
-    processor == Processor::CortexM55 && !is_wide(params) && params.views().len() <= 4
+/// The most views that the processor's kernel masks at a pixel to sum the others. Where it does not mask, costs are fused by segments.
+fn most_masked_of_sum(places: usize, processor: Processor) -> usize {
+    match processor {
+        _ if places > 4 => 0,
+        Processor::CortexM55 => 4,
+        Processor::CortexM4 | Processor::CortexM7 | Processor::CortexM33 => 1,
+        Processor::CortexM0Plus | Processor::Rv32imac => 0,
+    }
 }
 
 /// Returns true if block sums need 32 bits.
@@ -222,13 +227,17 @@ impl PixelCounts {
     fn new(params: &BlockMatchingParams, first: i16, processor: Processor) -> PixelCounts {
         let places = params.views().places();
         let rule = Rule::new(params.fusion(), places);
-        let masks_sums = masks_sums(params, processor) && rule == Rule::Sum;
-        // Firmware of up to four views has no loop for half of them, and lanes do not divide by five or seven.
-        let is_exact = rule == Rule::Half && places <= 4;
+        // Only Helium has a loop for half of three or four views, and lanes do not divide by five or seven.
+        let is_exact = rule == Rule::Half && places <= 4 && processor != Processor::CortexM55;
         let border_is_exact = is_exact || rule == Rule::Sum && places > 4;
         let masks_one_view = processor == Processor::CortexM55 || is_unrolled(params.search(), processor);
         let (all, lanes) = (0..params.num_disparities() as u16, processor.lanes());
         let is_padded = !params.num_disparities().is_multiple_of(lanes) && !is_exact;
+        // Partial vectors take a mask for each view.
+        let masks_sum = |incomplete: usize| {
+            let masked = if is_padded { places } else { incomplete };
+            rule == Rule::Sum && masked <= most_masked_of_sum(places, processor)
+        };
         let mut counts = PixelCounts::default();
         let mut last = Vec::new();
         for (u, v) in (0..params.height()).flat_map(|v| (0..params.width()).map(move |u| (u, v))) {
@@ -241,7 +250,7 @@ impl PixelCounts {
                     counts.searched += usize::from(is_padded);
                 }
                 _ if border_is_exact => counts.masked += 1,
-                incomplete if masks_sums || rule.masks(places, incomplete) => {
+                incomplete if masks_sum(incomplete) || rule.masks(places, incomplete) => {
                     counts.masked += 1;
                     counts.hidden_views += if incomplete == 1 && masks_one_view { 1 } else { places };
                 }
@@ -417,17 +426,19 @@ mod tests {
     }
 
     #[test]
-    fn the_cortex_m55_masks_sums_in_16_bits() {
-        let candidates = |block_size, processor| {
-            let params = params(Views::CROSS, Fusion::Mean, 1, 6, block_size);
+    fn sums_are_masked_of_as_many_views_as_the_kernel_masks() {
+        let candidates = |num_disparities, block_size, processor| {
+            let params = params(Views::CROSS, Fusion::Mean, 1, num_disparities, block_size);
             let matching = Matching::Blocks { params, tile_width: 20 };
             Workload::new(&matching, processor).unwrap().candidates.remove(0).1
         };
-        let [m4, m55, wide] = [(5, Processor::CortexM4), (5, Processor::CortexM55), (17, Processor::CortexM55)]
-            .map(|(block_size, processor)| candidates(block_size, processor));
-        assert!(m55.masked > 0.0 && m55.segmented == 0.0);
-        assert!(m4.segmented > 0.0 && m4.masked == 0.0);
-        assert_eq!(wide, m4);
+        for block_size in [5, 17] {
+            let [m4, partial, m55, portable] =
+                [(8, Processor::CortexM4), (6, Processor::CortexM4), (6, Processor::CortexM55), (8, Processor::Rv32imac)]
+                    .map(|(num_disparities, processor)| candidates(num_disparities, block_size, processor));
+            assert!(m4.masked > 0.0 && m4.segmented > 0.0 && m55.masked > 0.0 && m55.segmented == 0.0);
+            assert!(partial.masked == 0.0 && partial.segmented > 0.0 && portable.masked == 0.0 && portable.segmented > 0.0);
+        }
     }
 
     #[test]

@@ -30,8 +30,8 @@ use crate::{
     tools::Toolchain,
 };
 
-/// The largest error of the cost model, in percent: that of the network on a Cortex-M55. All others are below 10.
-const MOST_OFF: f64 = 13.0;
+/// The largest error of the cost model, in percent: that of the mean of four views. Most others are below 10.
+const MOST_OFF: f64 = 16.0;
 
 /// The rules that are measured with a profile: those for which microcontrollers have loops. [`Fusion::Half`] of up to four
 /// views is fused exactly, one candidate at a time.

@@ -18,6 +18,7 @@ use crate::{
         c_library,
         cycles::Accounting,
         profiles::{self, Selection},
+        readme,
     },
     machine,
     publishing::{self, PublicApi, release, supply_chain::SupplyChain},
@@ -147,7 +148,7 @@ const BACKGROUND: [Step; 24] = [
     Step { name: "firmware, a sample", scope: Sample, run: || profiles::run(&arm()?, &Selection::sample()) },
     Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
     Step { name: "the firmware's cycles", scope: All, run: || Accounting::compare().run(&arm()?) },
-    Step { name: "the firmware to begin with", scope: Test, run: || firmware_checks::start(&arm()?) },
+    Step { name: "the firmware to begin with", scope: Test, run: first_programs },
     Step { name: "the library for C, a sample", scope: Sample, run: || c_library::run_tests(&arm()?, false) },
     Step { name: "the library for C", scope: All, run: || c_library::run_tests(&arm()?, true) },
     Step { name: "the firmware that captures", scope: Test, run: || firmware_checks::captures(&arm()?) },
@@ -275,6 +276,13 @@ fn longest() -> Result<[&'static str; LONGEST.len()]> {
 
 fn run_optimized_tests(selection: &[&str]) -> Result<()> {
     run(optimized_tests().args(selection).env("MULTISCOPIC_BINARY", built_program()?))
+}
+
+/// What users begin with.
+fn first_programs() -> Result<()> {
+    let toolchain = arm()?;
+    firmware_checks::start(&toolchain)?;
+    readme::run_example(&toolchain)
 }
 
 /// The toolchain for the boards with Arm processors.

@@ -45,7 +45,7 @@ fn the_commands_of_the_guides_run() {
         include_str!("../../../../docs/first-map.md"),
     ];
     let commands = || guides.iter().flat_map(|guide| guide.lines()).filter_map(|line| line.strip_prefix("multiscopic "));
-    for name in ["match out/demo", "budget", "simulate", "listen"] {
+    for name in ["demo --width", "match out/demo", "budget", "simulate", "listen"] {
         assert!(commands().any(|command| command.starts_with(name)), "the guides have no line for {name}");
         for command in commands().filter(|command| command.starts_with(name)) {
             run(&command.split(' ').collect::<Vec<_>>());

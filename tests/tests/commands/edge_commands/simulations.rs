@@ -75,7 +75,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
             assert!(expected.iter().any(|confidence| *confidence > 230), "{} with {fusion}", profile.name);
         }
 
-        let is_predicted = !matching.has_confidences() && (fusion != "half" || search.views().len() <= 2);
+        let is_predicted = matching.name() != "sgm" || fusion != "half" || search.views().len() <= 2;
         assert_eq!(report["instructions"].is_number(), is_predicted, "{report:#}");
         assert_eq!(report["packet_bytes"], fs::metadata(path("packets")).expect("packets").len());
         assert_eq!(report["de"], search.evaluations());

@@ -329,7 +329,7 @@ mod tests {
 
     #[test]
     fn every_test_program_is_run() {
-        let folders = ["edge/drivers/tests", "fuzz/tests", "host/engine/tests", "tests/tests"];
+        let folders = ["edge/drivers/tests", "edge/tests", "fuzz/tests", "host/engine/tests", "tests/tests"];
         let entries =
             folders.into_iter().flat_map(|folder| fs::read_dir(system::root().join(folder)).expect("a folder of tests"));
         let paths = entries.map(|entry| entry.expect("an entry").path());

@@ -37,7 +37,7 @@ impl ScanlineSource for Pattern {
         };
         let size = if matches!(self, Pattern::Cells) { 16 } else { 1 };
         for (sample, u) in line.iter_mut().zip(0..) {
-            let place = seed << 16 ^ ((u - du) as u32 / size & 0xff) << 8 ^ (v as i32 - dv) as u32 / size & 0xff;
+            let place = seed << 16 ^ (((u - du) as u32 / size) & 0xff) << 8 ^ (((v as i32 - dv) as u32 / size) & 0xff);
             let noise = Xorshift(place.wrapping_mul(0x9e37_79b9) | 1).number() >> 13;
             *sample = match self {
                 Pattern::Noise | Pattern::Shifted => noise as u8,

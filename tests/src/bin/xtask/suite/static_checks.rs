@@ -115,7 +115,8 @@ pub fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     DistortedSet::render()?.write(&system::flash_set())?;
     write_calibrations(0, &[profile::QQVGA, profile::QQVGA_SGM].map(|profile| profile.matching(Fusion::Min)))?;
     // Examples of libraries run on this machine.
-    let libraries = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers"].map(|package| format!("--package={package}"));
+    let libraries = ["multiscopic-core", "multiscopic-edge", "multiscopic-c", "multiscopic-drivers"]
+        .map(|package| format!("--package={package}"));
     let firmware = [
         "--package=multiscopic-firmware",
         "--features=multiscopic-firmware/flash-set,multiscopic-firmware/calibrations",

@@ -21,6 +21,8 @@ pub enum Pattern {
     Cells,
     /// A random texture at a disparity of 3.
     Shifted,
+    /// An edge of the centre alone, beyond which sums of large blocks are about as much as 16 bits hold.
+    Edge,
     /// The same sample everywhere.
     Flat,
 }
@@ -42,6 +44,14 @@ impl ScanlineSource for Pattern {
             *sample = match self {
                 Pattern::Noise | Pattern::Shifted => noise as u8,
                 Pattern::Extremes | Pattern::Cells => ((noise & 1) * 255) as u8,
+                Pattern::Edge if frame == Frame::Center => {
+                    if u < 24 {
+                        0
+                    } else {
+                        255
+                    }
+                }
+                Pattern::Edge => (noise % 78) as u8,
                 Pattern::Flat => 7,
             };
         }
@@ -51,5 +61,6 @@ impl ScanlineSource for Pattern {
 
 impl Pattern {
     /// Every pattern.
-    pub const ALL: [Pattern; 5] = [Pattern::Noise, Pattern::Extremes, Pattern::Cells, Pattern::Shifted, Pattern::Flat];
+    pub const ALL: [Pattern; 6] =
+        [Pattern::Noise, Pattern::Edge, Pattern::Extremes, Pattern::Cells, Pattern::Shifted, Pattern::Flat];
 }

@@ -320,6 +320,10 @@ impl Blocks<u32> for Dsp {
 
     #[inline(always)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[WideCosts; V]]) {
+        // At every step, also where costs are not fused in lanes afterwards.
+        let growth = steps.most_growth();
+        let bound = steps.sums_bound();
+        *bound = bound.saturating_add(growth);
         slide_blocks(steps, blocks);
     }
 
@@ -350,10 +354,7 @@ impl Blocks<u32> for Dsp {
         masks: &[[WideCosts; V]],
         fused: &mut [WideCosts],
     ) -> u32 {
-        let growth = steps.most_growth();
-        let bound = steps.sums_bound();
-        *bound = bound.saturating_add(growth);
-        slide_blocks(steps, blocks);
+        Blocks::<u32>::slide(self, steps, blocks);
         let can_pack = rule != Rule::Sum && wide::can_still_pack(steps, blocks);
         fuse_wide(self, rule, masked, can_pack, blocks, masks, fused)
     }

@@ -88,7 +88,7 @@ impl Board for Memory {
     fn enter(_: Phase) {}
 }
 
-/// What the blocking pipeline sends, and the lines that it asks for.
+/// The packets that the blocking pipeline sends, and the lines that it asks for.
 fn blocking(matching: &Matching) -> (Vec<u8>, Vec<(Frame, usize)>) {
     let lengths = matching.lengths();
     let (mut words, mut line, mut packet) = (vec![0; lengths.words()], vec![None; lengths.columns], vec![0; lengths.packet]);
@@ -182,7 +182,7 @@ fn repeated<T>(failures: &mut usize, mut call: impl AsyncFnMut() -> Result<T, Aw
         .unwrap()
 }
 
-/// What is sent if the lines are awaited, those lines in their order, and the number of calls that failed.
+/// The packets that are sent if the lines are awaited, those lines in their order, and the number of calls that failed.
 fn awaited(matching: &Matching, fails: bool) -> (Vec<u8>, Vec<(Frame, usize)>, usize) {
     let (received, mut held, mut failures) = (RefCell::default(), [0; WIDTH], 0);
     let mut lines = AwaitedLines::new(Ports::new(matching.views(), fails, &received), &mut held);

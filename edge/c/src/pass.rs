@@ -40,7 +40,7 @@ pub type NextLine = Result<Option<usize>, MatchError<Unread>>;
 
 /// A matcher with loops of its own: of one number of views, one width of sums and one cost.
 pub trait Loops<'m>: Sized {
-    /// What it is made of.
+    /// The parameters that it is made of.
     type Checked;
     /// The confidences of its peak ratios.
     const TABLE: &'static ConfidenceTable;

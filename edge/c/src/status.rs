@@ -1,4 +1,4 @@
-//! How a call ended.
+//! The end of a call: its status.
 
 use core::ffi::c_char;
 use multiscopic_core::{MatchError, MemoryTooSmall, ParamsError, RegionError};

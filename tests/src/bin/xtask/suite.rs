@@ -278,7 +278,7 @@ fn run_optimized_tests(selection: &[&str]) -> Result<()> {
     run(optimized_tests().args(selection).env("MULTISCOPIC_BINARY", built_program()?))
 }
 
-/// What users begin with.
+/// Runs the programs that users begin with.
 fn first_programs() -> Result<()> {
     let toolchain = arm()?;
     firmware_checks::start(&toolchain)?;

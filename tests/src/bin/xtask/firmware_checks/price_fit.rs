@@ -407,7 +407,7 @@ impl Run {
         self.matching.search().views().len() > 4
     }
 
-    /// What decides with which others an image is made: the features, and the flash that the network takes.
+    /// The kind of image that it is part of: the features, and the flash that the network takes.
     fn kind(&self) -> (bool, bool) {
         (self.is_for_array(), matches!(self.matching, Matching::Network(_)))
     }

@@ -422,18 +422,18 @@ fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) 
         let measured = table.of(processor);
         let statics = run.workspace_bytes() + measured.statics;
         if m.ram_static != statics {
-            fail(run, format!("{} bytes of statics, the formula says {statics}: run cargo xtask edge --fit", m.ram_static));
+            fail(run, format!("{} bytes of statics, the formula says {statics}: run cargo xtask edge --update", m.ram_static));
         }
         let matching = run.profile.matching(run.fusion);
         let noted = measured.stack.of(&matching);
         // Stacks differ: where lanes saturate, exact costs need some.
         if m.stack_max > noted || 8 * m.stack_max < 7 * noted {
             let found = m.stack_max;
-            fail(run, format!("{found} bytes of stack, budgets are made with {noted}: run cargo xtask edge --fit"));
+            fail(run, format!("{found} bytes of stack, budgets are made with {noted}: run cargo xtask edge --update"));
         }
         let noted = measured.flash.of(&matching);
         if m.text as usize > noted + noted / 50 {
-            fail(run, format!("{} bytes of flash, budgets are made with {noted}: run cargo xtask edge --fit", m.text));
+            fail(run, format!("{} bytes of flash, budgets are made with {noted}: run cargo xtask edge --update", m.text));
         }
         if m.instructions_predicted.is_none() && run.is_modelled() {
             fail(run, "the cost model has no prices for it: run cargo xtask edge --fit".into());

@@ -74,9 +74,17 @@ impl RosRecording<'_> {
         ply::check(self.disparities, self.confidences, self.center)
     }
 
-    /// The messages: topics, types and encoded contents.
-    fn messages(&self, stamp: Stamp) -> Vec<(&'static str, &'static Definition, Vec<u8>)> {
+    /// Encodes one message for each topic, all from a `time` since 1970.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the centre and the disparities differ in size.
+    ///
+    /// # Panics
+    /// If the confidences and the disparities differ in size.
+    pub fn messages(&self, time: Duration) -> Result<Vec<RosMessage>> {
+        self.check()?;
         let RosRecording { center, disparities, confidences, geometry, range } = *self;
+        let stamp = Stamp { time, frame_id: RosRecording::FRAME_ID };
         let size = [disparities.width(), disparities.height()];
         let points: Vec<_> = ply::points(disparities, confidences, geometry, center).collect();
         let camera = stamp.camera(geometry, size);
@@ -91,7 +99,34 @@ impl RosRecording<'_> {
         if let Some(confidences) = confidences {
             messages.push(("/confidence/image", &messages::IMAGE, stamp.picture(&Picture::from(confidences))));
         }
-        messages
+        Ok(messages.into_iter().map(|(topic, definition, cdr)| RosMessage { topic, definition, cdr }).collect())
+    }
+}
+
+/// A message, encoded.
+#[derive(Clone, Debug)]
+pub struct RosMessage {
+    /// The topic, such as `/points`.
+    pub topic: &'static str,
+    definition: &'static Definition,
+    /// The message in CDR, as ROS 2 encodes it.
+    pub cdr: Vec<u8>,
+}
+
+impl RosMessage {
+    /// The encoding of messages, as MCAP and Foxglove name it.
+    pub const ENCODING: &'static str = "cdr";
+    /// The language of [`schema_text`](RosMessage::schema_text), as MCAP and Foxglove name it.
+    pub const SCHEMA_ENCODING: &'static str = "ros2msg";
+
+    /// The name of its type, such as `sensor_msgs/msg/PointCloud2`.
+    pub fn schema_name(&self) -> String {
+        self.definition.full_name()
+    }
+
+    /// The definition of its type and of those in it.
+    pub fn schema_text(&self) -> String {
+        self.definition.text()
     }
 }
 
@@ -122,22 +157,20 @@ impl<W: Write> RosStream<W> {
     /// # Panics
     /// If the confidences and the disparities differ in size.
     pub fn send(&mut self, recording: &RosRecording, time: Duration) -> io::Result<()> {
-        recording.check().map_err(io::Error::other)?;
-        let stamp = Stamp { time, frame_id: RosRecording::FRAME_ID };
-        let time = time.as_nanos() as u64;
-        for (topic, definition, message) in recording.messages(stamp) {
-            self.write(topic, definition, time, &message).map_err(io::Error::other)?;
+        for message in recording.messages(time).map_err(io::Error::other)? {
+            self.write(&message, time.as_nanos() as u64).map_err(io::Error::other)?;
         }
         self.sent += 1;
         self.writer.flush().map_err(io::Error::other)
     }
 
-    fn write(&mut self, topic: &str, definition: &Definition, time: u64, message: &[u8]) -> mcap::McapResult<()> {
+    fn write(&mut self, message: &RosMessage, time: u64) -> mcap::McapResult<()> {
         // A schema or channel that is there already is not written again.
-        let schema = self.writer.add_schema(&definition.full_name(), "ros2msg", definition.text().as_bytes())?;
-        let channel_id = self.writer.add_channel(schema, topic, "cdr", &channel_metadata())?;
+        let text = message.schema_text();
+        let schema = self.writer.add_schema(&message.schema_name(), RosMessage::SCHEMA_ENCODING, text.as_bytes())?;
+        let channel_id = self.writer.add_channel(schema, message.topic, RosMessage::ENCODING, &channel_metadata())?;
         let header = MessageHeader { channel_id, sequence: self.sent, log_time: time, publish_time: time };
-        self.writer.write_to_known_channel(&header, message)
+        self.writer.write_to_known_channel(&header, &message.cdr)
     }
 
     /// Ends the stream with an index of what it has.

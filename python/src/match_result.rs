@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use multiscopic::{
     DisparityMap, Error, Geometry, Metrics, Picture, Raster,
     evaluation::Sparsification,
-    files::ply::{self, Encoding},
+    files::{
+        Cloud,
+        ply::{self, Encoding},
+    },
     stereo::confidence_map::ConfidenceMap,
 };
 use numpy::{PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -153,8 +156,9 @@ impl MatchResult {
     ) -> PyResult<()> {
         let geometry = self.geometry(focal_px, baseline_mm, doffs, principal_point)?;
         let encoding = if ascii { Encoding::Ascii } else { Encoding::Binary };
-        py.detach(|| ply::write(&path, &self.map, self.confidences.as_ref(), &geometry, &self.center, encoding))
-            .map_err(exception)
+        let cloud =
+            Cloud { disparities: &self.map, confidences: self.confidences.as_ref(), center: &self.center, geometry: &geometry };
+        py.detach(|| ply::write(&path, &cloud, encoding)).map_err(exception)
     }
 
     fn __repr__(&self) -> String {

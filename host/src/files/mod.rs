@@ -1,6 +1,7 @@
 //! Reading and writing files: pictures, frames, disparity maps, point clouds and rigs. An output is complete,
 //! or it is not there.
 
+mod cloud;
 pub(crate) mod decoded;
 mod disparity_files;
 mod file_kind;
@@ -21,6 +22,7 @@ mod rig_list;
 pub mod ros;
 mod tiff_files;
 
+pub use cloud::{Cloud, CloudPoint};
 pub use disparity_files::{
     CornerDisparities, DisparityEncoding, MatchedImages, StoredDisparities, read_disparities, write_depth_mm, write_raw16,
 };

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use crate::{
-    error::{Error, Result},
-    files::output,
-    images::{DisparityMap, Geometry, Picture, Raster},
+use super::{
+    cloud::{Cloud, CloudPoint},
+    output,
 };
+use crate::error::Result;
 
 /// The form in which a PLY file stores its numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,47 +18,36 @@ pub enum Encoding {
     Ascii,
 }
 
-/// Writes a point for every pixel that has a depth, in the colour of that pixel in `center`, and with its confidence from 0 to
-/// 255, if they are given.
-///
-/// Coordinates are in metres: x to the right, y down, z away from the camera.
+/// Writes every point of a cloud with its colour, and with its confidence from 0 to 255 if it has one.
 ///
 /// # Errors
-/// [`Error::Usage`] if `center` and the disparities differ in size, and [`Error::Write`]. Any previous
-/// version of the file is unchanged.
+/// [`Error::Usage`](crate::Error::Usage) if the centre and the disparities differ in size, and
+/// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
 ///
 /// # Panics
 /// If the confidences and the disparities differ in size.
-pub fn write(
-    path: &Path,
-    disparities: &DisparityMap,
-    confidences: Option<&Raster<u8>>,
-    geometry: &Geometry,
-    center: &Picture,
-    encoding: Encoding,
-) -> Result<()> {
-    check(disparities, confidences, center)?;
-    let points = || points(disparities, confidences, geometry, center);
+pub fn write(path: &Path, cloud: &Cloud, encoding: Encoding) -> Result<()> {
+    cloud.check()?;
     output::write(path, |writer| {
         let format = match encoding {
             Encoding::Binary => "binary_little_endian",
             Encoding::Ascii => "ascii",
         };
         writeln!(writer, "ply\nformat {format} 1.0\ncomment metres: x right, y down, z away from the camera")?;
-        writeln!(writer, "element vertex {}", points().count())?;
+        writeln!(writer, "element vertex {}", cloud.points().count())?;
         ["x", "y", "z"].iter().try_for_each(|axis| writeln!(writer, "property float {axis}"))?;
         ["red", "green", "blue"].iter().try_for_each(|color| writeln!(writer, "property uchar {color}"))?;
-        confidences.iter().try_for_each(|_| writeln!(writer, "property uchar confidence"))?;
+        cloud.confidences.iter().try_for_each(|_| writeln!(writer, "property uchar confidence"))?;
         writeln!(writer, "end_header")?;
-        for (point, color, confidence) in points() {
+        for CloudPoint { metres, color, confidence } in cloud.points() {
             match encoding {
                 Encoding::Binary => {
-                    writer.write_all(point.map(f32::to_le_bytes).as_flattened())?;
+                    writer.write_all(metres.map(f32::to_le_bytes).as_flattened())?;
                     writer.write_all(&color)?;
                     writer.write_all(confidence.as_slice())?;
                 }
                 Encoding::Ascii => {
-                    let ([x, y, z], [red, green, blue]) = (point, color);
+                    let ([x, y, z], [red, green, blue]) = (metres, color);
                     write!(writer, "{x} {y} {z} {red} {green} {blue}")?;
                     confidence.iter().try_for_each(|confidence| write!(writer, " {confidence}"))?;
                     writeln!(writer)?;
@@ -69,42 +58,10 @@ pub fn write(
     })
 }
 
-/// Checks that the pixels of all belong together.
-pub(super) fn check(disparities: &DisparityMap, confidences: Option<&Raster<u8>>, center: &Picture) -> Result<()> {
-    let size = (disparities.width() as u32, disparities.height() as u32);
-    if center.dimensions() != size {
-        let ((width, height), (w, h)) = (size, center.dimensions());
-        return Err(Error::Usage(format!(
-            "the centre image has {w}x{h} pixels, the disparities {width}x{height}: use the image that was matched"
-        )));
-    }
-    if let Some(confidences) = confidences {
-        assert_eq!((confidences.width(), confidences.height()), (disparities.width(), disparities.height()), "sizes");
-    }
-    Ok(())
-}
-
-/// A point in metres, its colour, and its confidence from 0 to 255 if there is one.
-pub(super) type CloudPoint = ([f32; 3], [u8; 3], Option<u8>);
-
-/// The point of every pixel with a finite depth.
-pub(super) fn points(
-    disparities: &DisparityMap,
-    confidences: Option<&Raster<u8>>,
-    geometry: &Geometry,
-    center: &Picture,
-) -> impl Iterator<Item = CloudPoint> {
-    let pixels = disparities.rows().enumerate().flat_map(|(v, row)| row.iter().enumerate().map(move |(u, &pixel)| (u, v, pixel)));
-    pixels.filter_map(move |(u, v, pixel)| {
-        let point = geometry.point(u, v, pixel?)?.map(|metres| metres as f32);
-        let confidence = confidences.map(|confidences| confidences.get(u, v));
-        point.iter().all(|metres| metres.is_finite()).then(|| (point, center.color(u as u32, v as u32), confidence))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::images::{DisparityMap, Geometry, Picture, Raster};
     use image::{GrayImage, Rgb, RgbImage};
     use multiscopic_core::Disparity;
 
@@ -114,10 +71,14 @@ mod tests {
         DisparityMap::new(2, 2, vec![None, Disparity::from_bits(64), Disparity::from_bits(128), Disparity::from_bits(-64)])
     }
 
+    fn cloud<'a>(disparities: &'a DisparityMap, center: &'a Picture) -> Cloud<'a> {
+        Cloud { disparities, confidences: None, center, geometry: &GEOMETRY }
+    }
+
     fn written(center: &Picture, encoding: Encoding) -> Vec<u8> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.ply");
-        write(&path, &map(), None, &GEOMETRY, center, encoding).unwrap();
+        write(&path, &cloud(&map(), center), encoding).unwrap();
         std::fs::read(path).unwrap()
     }
 
@@ -126,11 +87,13 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.ply");
         let (center, confidences) = (Picture::Gray(GrayImage::new(2, 2)), Raster::new(2, 2, vec![9, 255, 7, 8]));
-        write(&path, &map(), Some(&confidences), &GEOMETRY, &center, Encoding::Ascii).unwrap();
+        let map = map();
+        let cloud = Cloud { confidences: Some(&confidences), ..cloud(&map, &center) };
+        write(&path, &cloud, Encoding::Ascii).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         let expected = "property uchar confidence\nend_header\n0.02 0 2 0 0 0 255\n0 0.01 1 0 0 0 7\n";
         assert!(text.ends_with(expected), "{text}");
-        write(&path, &map(), Some(&confidences), &GEOMETRY, &center, Encoding::Binary).unwrap();
+        write(&path, &cloud, Encoding::Binary).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!((bytes[bytes.len() - 17], bytes[bytes.len() - 1]), (255, 7));
     }
@@ -163,7 +126,7 @@ mod tests {
     #[test]
     fn a_picture_of_another_size_is_refused() {
         let center = Picture::Gray(GrayImage::new(3, 2));
-        let message = write(Path::new("a.ply"), &map(), None, &GEOMETRY, &center, Encoding::Binary).unwrap_err().to_string();
+        let message = write(Path::new("a.ply"), &cloud(&map(), &center), Encoding::Binary).unwrap_err().to_string();
         assert!(message.starts_with("the centre image has 3x2 pixels, the disparities 2x2"), "{message}");
     }
 }

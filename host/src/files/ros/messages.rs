@@ -5,7 +5,7 @@ use std::time::Duration;
 use multiscopic_core::Disparity;
 
 use crate::{
-    files::ply::CloudPoint,
+    files::cloud::CloudPoint,
     images::{FloatImage, Geometry, Picture},
 };
 
@@ -90,12 +90,12 @@ impl Stamp<'_> {
 
     /// `sensor_msgs/msg/PointCloud2` of points in a row: `x`, `y`, `z`, `rgb`, and `confidence` from 0 to 1 if they have one.
     pub fn points(self, points: &[CloudPoint]) -> Vec<u8> {
-        let has_confidences = points.iter().any(|(.., confidence)| confidence.is_some());
+        let has_confidences = points.iter().any(|point| point.confidence.is_some());
         let names = ["x", "y", "z", "rgb", "confidence"];
         let names = if has_confidences { &names[..] } else { &names[..4] };
         let mut data = Vec::with_capacity(points.len() * 4 * names.len());
-        for &([x, y, z], [red, green, blue], confidence) in points {
-            [x, y, z].iter().for_each(|metres| data.extend(metres.to_le_bytes()));
+        for &CloudPoint { metres, color: [red, green, blue], confidence } in points {
+            metres.iter().for_each(|metres| data.extend(metres.to_le_bytes()));
             data.extend([blue, green, red, 0]);
             if has_confidences {
                 data.extend((f32::from(confidence.unwrap_or(0)) / 255.0).to_le_bytes());

@@ -17,10 +17,10 @@ use std::{
 
 use mcap::{WriteOptions, records::MessageHeader, write::NoSeek};
 
-use super::{output, ply};
+use super::{cloud::Cloud, output};
 use crate::{
     error::{Error, Result},
-    images::{DisparityMap, Geometry, Picture, Raster},
+    images::Picture,
 };
 
 use messages::{Definition, Stamp};
@@ -37,14 +37,8 @@ use messages::{Definition, Stamp};
 /// | `/points` | `sensor_msgs/msg/PointCloud2` | metres in the frame of the camera: x to the right, y down, z away |
 #[derive(Clone, Copy, Debug)]
 pub struct RosRecording<'a> {
-    /// The centre image.
-    pub center: &'a Picture,
-    /// The disparities of its pixels.
-    pub disparities: &'a DisparityMap,
-    /// Their confidences, from 0 to 255.
-    pub confidences: Option<&'a Raster<u8>>,
-    /// The camera.
-    pub geometry: &'a Geometry,
+    /// The points, and the maps that they are made of.
+    pub cloud: Cloud<'a>,
     /// The smallest and the largest disparity of the search, in pixels.
     pub range: [i16; 2],
 }
@@ -62,16 +56,12 @@ impl RosRecording<'_> {
     /// # Panics
     /// If the confidences and the disparities differ in size.
     pub fn write(&self, path: &Path, time: Duration) -> Result<()> {
-        self.check()?;
+        self.cloud.check()?;
         output::write(path, |file| {
             let mut stream = RosStream::new(file)?;
             stream.send(self, time)?;
             stream.finish()
         })
-    }
-
-    fn check(&self) -> Result<()> {
-        ply::check(self.disparities, self.confidences, self.center)
     }
 
     /// Encodes one message for each topic, all from a `time` since 1970.
@@ -82,11 +72,12 @@ impl RosRecording<'_> {
     /// # Panics
     /// If the confidences and the disparities differ in size.
     pub fn messages(&self, time: Duration) -> Result<Vec<RosMessage>> {
-        self.check()?;
-        let RosRecording { center, disparities, confidences, geometry, range } = *self;
+        let RosRecording { cloud, range } = *self;
+        cloud.check()?;
+        let Cloud { disparities, confidences, center, geometry } = cloud;
         let stamp = Stamp { time, frame_id: RosRecording::FRAME_ID };
         let size = [disparities.width(), disparities.height()];
-        let points: Vec<_> = ply::points(disparities, confidences, geometry, center).collect();
+        let points: Vec<_> = cloud.points().collect();
         let camera = stamp.camera(geometry, size);
         let mut messages = vec![
             ("/camera/image", &messages::IMAGE, stamp.picture(center)),
@@ -201,7 +192,7 @@ impl RosRecording<'_> {
     /// # Panics
     /// If the confidences and the disparities differ in size.
     pub fn write_rerun(&self, path: &Path, time: Duration) -> Result<()> {
-        self.check()?;
+        self.cloud.check()?;
         output::write(path, |file| {
             let folder = tempfile::tempdir()?;
             let [recording, converted] = ["recording.mcap", "recording.rrd"].map(|name| folder.path().join(name));

@@ -8,7 +8,7 @@ use std::{
 use multiscopic::{
     Engine, Error, MatchSetup, RangeSource, Result,
     files::{
-        output,
+        Cloud, output,
         ros::{RosRecording, RosStream},
     },
     stereo::MethodName,
@@ -68,13 +68,8 @@ impl<'a> LiveRecording<'a> {
         let (mut disparities, mut confidences) = method.disparities_and_confidences(&self.engine, &frames, &search, &())?;
         mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
         let range = [search.min_disparity(), search.max_disparity()];
-        let recording = RosRecording {
-            center: &center,
-            disparities: &disparities,
-            confidences: Some(&confidences),
-            geometry: &geometry,
-            range,
-        };
+        let cloud = Cloud { disparities: &disparities, confidences: Some(&confidences), center: &center, geometry: &geometry };
+        let recording = RosRecording { cloud, range };
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         stream.send(&recording, now).map_err(|source| Error::Write { path: path.into(), source })
     }

@@ -8,7 +8,7 @@ use std::{
 use multiscopic::{
     DisparityMap, Error, Method, Picture, Result, Rig,
     files::{
-        FrameFiles,
+        Cloud, FrameFiles,
         image_codec::write_png,
         input, output,
         ply::{self, Encoding},
@@ -155,7 +155,8 @@ impl ResultsFolder {
         let center = Picture::Rgb(shot.center.clone());
         let size = [camera.width as usize, camera.height as usize];
         let geometry = scene::rig(camera, self.views, String::new()).geometry(size).expect("the camera is known");
-        ply::write(&self.file(CLOUD), &best.disparities, None, &geometry, &center, Encoding::Binary)?;
+        let cloud = Cloud { disparities: &best.disparities, confidences: None, center: &center, geometry: &geometry };
+        ply::write(&self.file(CLOUD), &cloud, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(fused), &color(&best.disparities), &color(&truth)];
         write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
     }

@@ -9,7 +9,10 @@ use clap::Args;
 use multiscopic::files::ros::{RosRecording, check_rerun};
 use multiscopic::{
     DisparityMap, Error, Geometry, Picture, Result,
-    files::ply::{self, Encoding},
+    files::{
+        Cloud,
+        ply::{self, Encoding},
+    },
     images::ColorScale,
     stereo::confidence_map::ConfidenceMap,
 };
@@ -156,7 +159,7 @@ impl Outputs {
         if let (Some(path), Some(geometry), Some(center)) = (&self.ply, geometry, center) {
             let encoding = if self.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
             let confidences = confidences.filter(|_| self.confidence.is_some());
-            ply::write(path, disparities, confidences, geometry, center, encoding)?;
+            ply::write(path, &Cloud { disparities, confidences, center, geometry }, encoding)?;
         }
         Ok(())
     }
@@ -173,7 +176,7 @@ impl Outputs {
     ) -> Result<()> {
         let (Some(geometry), Some(center)) = (geometry, center) else { return Ok(()) };
         let range = [search.min_disparity(), search.max_disparity()];
-        let recording = RosRecording { center, disparities, confidences, geometry, range };
+        let recording = RosRecording { cloud: Cloud { disparities, confidences, center, geometry }, range };
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         self.mcap.iter().try_for_each(|path| recording.write(path, now))?;
         self.rerun.iter().try_for_each(|path| recording.write_rerun(path, now))

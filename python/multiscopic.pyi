@@ -81,6 +81,9 @@ class _Options(TypedDict, total=False):
     simd: str | None
     max_memory: int | None
 
+class MatchWarning(UserWarning):
+    """A reason to doubt images, or the disparities that were found in them."""
+
 @final
 class Result:
     """Disparities, how sure they are, and the depths that follow from them."""
@@ -101,6 +104,15 @@ class Result:
         self, focal_px: float | None = None, baseline_mm: float | None = None, doffs: float | None = None
     ) -> npt.NDArray[np.float32]:
         """Depths in metres: height x width, NaN where there is none."""
+
+    def points(
+        self,
+        focal_px: float | None = None,
+        baseline_mm: float | None = None,
+        doffs: float | None = None,
+        principal_point: tuple[float, float] | None = None,
+    ) -> npt.NDArray[np.float32]:
+        """Points in metres: height x width x 3, NaN where there is none; x to the right, y down, z away."""
 
     def write_ply(
         self,

@@ -160,6 +160,10 @@ pub fn image_array(py: Python<'_>, picture: Picture) -> PyResult<Bound<'_, PyAny
 }
 
 /// An array of this shape, without a copy.
-fn in_shape<T: Element, S: IntoDimension>(py: Python<'_>, samples: Vec<T>, shape: S) -> PyResult<Bound<'_, PyArray<T, S::Dim>>> {
+pub fn in_shape<T: Element, S: IntoDimension>(
+    py: Python<'_>,
+    samples: Vec<T>,
+    shape: S,
+) -> PyResult<Bound<'_, PyArray<T, S::Dim>>> {
     numpy::PyArrayMethods::reshape(&samples.into_pyarray(py), shape)
 }

@@ -113,9 +113,10 @@ impl Capture {
             };
             let confidences = self.mask_unseen(&mut map, confidences);
             let (_, center) = self.ideal(setup.alignment.as_ref()).next().expect("the centre is the first");
-            let warnings = setup.warnings(&map, &search).iter().map(ToString::to_string).collect();
+            let warnings: Vec<String> = setup.warnings(&map, &search).iter().map(ToString::to_string).collect();
             Ok((map, confidences, center, warnings))
         })?;
+        warnings.iter().try_for_each(|warning| interpreter::warn(py, warning))?;
         MatchResult::new(py, (map, confidences), center, self.camera, warnings)
     }
 

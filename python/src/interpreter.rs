@@ -1,6 +1,7 @@
 //! The interpreter: errors as its exceptions, and long work that leaves it to other threads and ends at Ctrl-C.
 
 use std::{
+    ffi::CString,
     io, panic,
     sync::{
         atomic::{AtomicBool, Ordering},
@@ -12,10 +13,17 @@ use std::{
 
 use multiscopic::{Error, Progress};
 use pyo3::{
-    PyErr,
-    exceptions::{PyRuntimeError, PyValueError},
+    PyErr, create_exception,
+    exceptions::{PyRuntimeError, PyUserWarning, PyValueError},
     prelude::*,
 };
+
+create_exception!(
+    multiscopic,
+    MatchWarning,
+    PyUserWarning,
+    "A reason to doubt images, or the disparities that were found in them."
+);
 
 /// The time between two looks for signals.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
@@ -54,6 +62,14 @@ pub fn run<T: Send>(py: Python<'_>, work: impl FnOnce(&dyn Progress) -> multisco
             outcome.map_err(exception)
         })
     })
+}
+
+/// Warns the caller, as `warnings.warn` does.
+///
+/// # Errors
+/// The warning, where the interpreter's filters turn it into an exception.
+pub fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
+    PyErr::warn(py, &py.get_type::<MatchWarning>(), &CString::new(text)?, 1)
 }
 
 /// The exception for an error: `OSError`, or the class of it that fits, for files that cannot be read or written, and

@@ -33,6 +33,7 @@ mod multiscopic {
     use crate::{
         capture::Rig,
         files::{colorize, read_image, read_pfm, set_max_pixels, write_pfm, write_png},
+        interpreter::MatchWarning,
         match_result::{MatchResult, evaluate},
         views::{align, inspect},
     };

@@ -11,7 +11,7 @@ use multiscopic::{
     },
     stereo::confidence_map::ConfidenceMap,
 };
-use numpy::{PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray2, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
@@ -127,6 +127,43 @@ impl MatchResult {
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let geometry = self.geometry(focal_px, baseline_mm, doffs, None)?;
         arrays::float_map(py, geometry.depths(&self.map))
+    }
+
+    /// Points in metres: float32 of height x width x 3, NaN where there is none: x to the right, y down, z away from the camera.
+    ///
+    /// `points[np.isfinite(points[..., 2])]` is the cloud, as Open3D and others take it.
+    ///
+    /// Args:
+    ///     focal_px, baseline_mm, doffs: as depth() takes them.
+    ///     principal_point: where the optical axis meets the image, (x, y) in pixels from the centre of the top left pixel. The
+    ///         default is the rig's, or the middle of the image.
+    ///
+    /// Raises:
+    ///     ValueError: the focal length or the baseline is unknown, or not above 0.
+    ///
+    /// >>> import numpy as np, multiscopic
+    /// >>> center = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
+    /// >>> result = multiscopic.match(center, right=np.roll(center, -4, axis=1), method="bm", num_disparities=8)
+    /// >>> points = result.points(focal_px=500, baseline_mm=40, principal_point=(30, 20))
+    /// >>> points.shape, [round(float(metres), 3) for metres in points[30, 40]]
+    /// ((60, 80, 3), [0.1, 0.1, 5.0])
+    #[pyo3(signature = (focal_px=None, baseline_mm=None, doffs=None, principal_point=None))]
+    fn points<'py>(
+        &self,
+        py: Python<'py>,
+        focal_px: Option<f64>,
+        baseline_mm: Option<f64>,
+        doffs: Option<f64>,
+        principal_point: Option<[f64; 2]>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let geometry = self.geometry(focal_px, baseline_mm, doffs, principal_point)?;
+        let rows = self.map.rows().enumerate();
+        let pixels = rows.flat_map(|(v, row)| row.iter().enumerate().map(move |(u, &disparity)| (u, v, disparity)));
+        let points = pixels.flat_map(|(u, v, disparity)| match disparity.and_then(|d| geometry.point(u, v, d)) {
+            Some(point) => point.map(|metres| metres as f32),
+            None => [f32::NAN; 3],
+        });
+        arrays::in_shape(py, points.collect(), [self.map.height(), self.map.width(), 3])
     }
 
     /// Writes a point cloud in metres as PLY: x to the right, y down, z away from the camera, in the colours of the centre, and

@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from importlib import resources
 from pathlib import Path
 
@@ -189,10 +190,36 @@ def test_files(tmp_path):
 
 def test_inspect():
     image = np.kron(GRAY[:30, :40], np.ones((8, 8), np.uint8))
-    (least, count), warnings = multiscopic.inspect(image, right=moved(image, 24), left=moved(image, -24))
-    assert least <= 24 < least + count and warnings == []
-    _, warnings = multiscopic.inspect(image, right=moved(image, -24), left=moved(image, 24))
-    assert any("swapped" in warning for warning in warnings)
+    (least, count), told = multiscopic.inspect(image, right=moved(image, 24), left=moved(image, -24))
+    assert least <= 24 < least + count and told == []
+    _, told = multiscopic.inspect(image, right=moved(image, -24), left=moved(image, 24))
+    assert any("swapped" in warning for warning in told)
+
+
+def test_warnings_are_pythons():
+    image = np.kron(GRAY[:30, :40], np.ones((8, 8), np.uint8))
+    swapped = {"right": moved(image, -24), "left": moved(image, 24)}
+    with pytest.warns(multiscopic.MatchWarning, match="swapped") as told:
+        result = multiscopic.match(image, **swapped, method="bm")
+    assert [str(warning.message) for warning in told] == result.warnings
+    # They are told at the line of the caller.
+    assert told[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", multiscopic.MatchWarning)
+        with pytest.raises(multiscopic.MatchWarning, match="swapped"):
+            multiscopic.match(image, **swapped, method="bm")
+
+
+def test_points_are_those_of_the_cloud(rig, tmp_path):
+    result = multiscopic.Rig.load(rig).match(method="bm")
+    points = result.points()
+    assert np.array_equal(points[..., 2], result.depth(), equal_nan=True)
+    assert np.array_equal(np.isnan(points[..., 0]), np.isnan(points[..., 2]))
+    result.write_ply(tmp_path / "cloud.ply", ascii=True)
+    body = (tmp_path / "cloud.ply").read_text().split("end_header\n")[1]
+    assert len(body.splitlines()) == np.isfinite(points[..., 2]).sum()
+    first = [float(word) for word in body.split()[:3]]
+    assert np.array_equal(np.float32(first), points[np.isfinite(points[..., 2])][0])
 
 
 def test_other_threads_run_while_it_matches():

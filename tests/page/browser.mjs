@@ -82,8 +82,9 @@ export class Server {
     const lines = createInterface({ input: server.process.stderr });
     server.address = await new Promise((done, fail) => {
       lines.on("line", (line) => {
-        const found = line.match(/open (http:\S+)/);
-        if (found) done(found[1]);
+        const found = line.match(/(open|publishing at) ((?:http|ws):\S+)/);
+        if (found?.[1] === "open") done(found[2]);
+        else if (found) server.published = found[2];
         else console.error(line);
       });
       server.ended.then((code) => fail(new Error(`the server has ended with ${code}`)));

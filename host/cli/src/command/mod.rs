@@ -10,6 +10,8 @@ pub mod calibrate;
 pub mod capture;
 pub mod demo;
 pub mod evaluate;
+#[cfg(feature = "mcap")]
+mod foxglove;
 pub mod hardware;
 pub mod listen;
 #[cfg(feature = "live")]

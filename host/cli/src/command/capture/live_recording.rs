@@ -1,8 +1,8 @@
-//! Results of captures, as a stream for ROS 2.
+//! Results of captures for ROS 2: as a recording, and live.
 
 use std::{
     path::Path,
-    time::{SystemTime, UNIX_EPOCH},
+    time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
 use multiscopic::{
@@ -16,41 +16,55 @@ use multiscopic::{
 
 use super::recorder::Recorder;
 use crate::command::{
+    foxglove::{FoxgloveOptions, Publisher},
     options::{BitsOption, GeometryOptions, SearchOptions, Source},
     preparation::mask_unseen,
 };
 
-/// Matches captures by blocks, and writes the results one after the other.
+/// Matches captures by blocks, and writes or publishes the results one after the other.
 pub struct LiveRecording<'a> {
     search: &'a SearchOptions,
     engine: Engine,
+    publisher: Option<Publisher>,
 }
 
 impl<'a> LiveRecording<'a> {
     /// For captures whose focal length is known.
-    pub fn new(recorder: &Recorder, search: &'a SearchOptions) -> Result<LiveRecording<'a>> {
-        if recorder.focal_px.is_none() {
+    pub fn new(recorder: &Recorder, search: &'a SearchOptions, foxglove: &FoxgloveOptions) -> Result<LiveRecording<'a>> {
+        let has_depth = recorder.focal_px.is_some();
+        let publisher = foxglove.publisher(has_depth)?;
+        if !has_depth {
             return Err(Error::Usage(
                 "--mcap has depths, which need the focal length in pixels: give --focal-px or --lens".into(),
             ));
         }
-        Ok(LiveRecording { search, engine: Engine::new(None, 0)? })
+        Ok(LiveRecording { search, engine: Engine::new(None, 0)?, publisher })
     }
 
-    /// Writes a recording. `capture` takes captures, and tells the folder of each to the function that it is given. However it
-    /// ends, the recording has all before.
-    pub fn write(&self, path: &Path, capture: impl FnOnce(&mut dyn FnMut(&Path) -> Result<()>) -> Result<()>) -> Result<()> {
+    /// Publishes the results, and writes a recording of them if there is a path for it. `capture` takes captures, and tells the
+    /// folder of each to the function that it is given. However it ends, the recording has all before.
+    pub fn run(
+        &self,
+        path: Option<&Path>,
+        capture: impl FnOnce(&mut dyn FnMut(&Path) -> Result<()>) -> Result<()>,
+    ) -> Result<()> {
+        let Some(path) = path else {
+            return capture(&mut |folder| self.send(folder, &mut |_, _| Ok(())));
+        };
         let mut captured = Ok(());
         output::write(path, |file| {
             let mut stream = RosStream::new(file)?;
-            captured = capture(&mut |folder| self.send(folder, path, &mut stream));
+            let mut write = |recording: &RosRecording, time| {
+                stream.send(recording, time).map_err(|source| Error::Write { path: path.into(), source })
+            };
+            captured = capture(&mut |folder| self.send(folder, &mut write));
             stream.finish()
         })?;
         captured
     }
 
-    /// Matches the capture in a folder, and writes the result.
-    fn send(&self, folder: &Path, path: &Path, stream: &mut RosStream<&mut dyn std::io::Write>) -> Result<()> {
+    /// Matches the capture in a folder, and publishes and writes the result.
+    fn send(&self, folder: &Path, write: &mut dyn FnMut(&RosRecording, Duration) -> Result<()>) -> Result<()> {
         let mut source = Source::of_rig(folder, None, &BitsOption::default())?;
         let (mut frames, center, undistortion) = source.load()?;
         let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
@@ -71,6 +85,7 @@ impl<'a> LiveRecording<'a> {
         let cloud = Cloud { disparities: &disparities, confidences: Some(&confidences), center: &center, geometry: &geometry };
         let recording = RosRecording { cloud, range };
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        stream.send(&recording, now).map_err(|source| Error::Write { path: path.into(), source })
+        self.publisher.iter().try_for_each(|publisher| publisher.publish(&recording, now))?;
+        write(&recording, now)
     }
 }

@@ -29,6 +29,8 @@ use multiscopic_core::{View, Views, capture::Plan};
 use self::live_recording::LiveRecording;
 use self::long_baseline::{LongBaseline, at_multiple};
 pub use self::recorder::Recorder;
+#[cfg(feature = "mcap")]
+use super::foxglove::FoxgloveOptions;
 use super::{
     hardware::Hardware,
     options::{HardwareOptions, NeighborOptions, SearchOptions, micrometres, output_file, read_lens, value::positive},
@@ -66,6 +68,10 @@ pub struct Capture {
     #[arg(long, value_name = "OUT.mcap", requires = "live", value_parser = output_file::mcap())]
     mcap: Option<PathBuf>,
 
+    #[cfg(feature = "mcap")]
+    #[command(flatten)]
+    foxglove: FoxgloveOptions,
+
     /// Print what was captured as a JSON object on standard output, one a line with --live
     #[arg(long)]
     json: bool,
@@ -75,6 +81,10 @@ impl Capture {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         if !self.live {
+            #[cfg(feature = "mcap")]
+            if self.foxglove.is_given() {
+                return Err(Error::Usage("--foxglove publishes captures as they come: give --live as well".into()));
+            }
             output::check_folder(&self.output)?;
         }
         // A page in the folder can be written once the folder is there.
@@ -102,10 +112,10 @@ impl Capture {
     /// Records captures in numbered folders, and what is found of them, if that is asked for.
     fn run_live(&self, recorder: &mut Recorder) -> Result<()> {
         #[cfg(feature = "mcap")]
-        if let Some(path) = &self.mcap {
-            output::check(&[path], &[])?;
-            let live = LiveRecording::new(recorder, &self.recorder.search)?;
-            return live.write(path, |found| self.run_captures(recorder, found));
+        if self.mcap.is_some() || self.foxglove.is_given() {
+            output::check(&self.mcap.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
+            let live = LiveRecording::new(recorder, &self.recorder.search, &self.foxglove)?;
+            return live.run(self.mcap.as_deref(), |found| self.run_captures(recorder, found));
         }
         self.run_captures(recorder, &mut |_| Ok(()))
     }

@@ -35,6 +35,7 @@ use self::{
 };
 use super::{
     capture::RecorderOptions,
+    foxglove::FoxgloveOptions,
     options::{EngineOptions, Named},
     terminal::{self, signals},
     view::{self, command_line},
@@ -71,7 +72,8 @@ impl Live {
         fs::create_dir_all(output).map_err(|source| Error::Write { path: output.clone(), source })?;
         let recorder = recorder.recorder()?;
         let page = Page { title: "Live", has_camera: true };
-        let bench = Arc::new(Workbench::new(self.engine.engine()?));
+        let publisher = self.serving.foxglove.publisher(recorder.focal_px.is_some())?;
+        let bench = Arc::new(Workbench::new(self.engine.engine()?, publisher));
         let studio = Arc::new(Studio::new(bench.clone(), output));
         let served = self.serving.bind()?;
         let shooting = {
@@ -174,7 +176,8 @@ impl Tune {
 /// Serves the page of a captured folder until a signal comes.
 fn tune(folder: &Path, serving: &ServingOptions, engine: &EngineOptions) -> Result<ExitCode> {
     let rig = TunedRig::open(folder)?;
-    let bench = Arc::new(Workbench::new(engine.engine()?));
+    let publisher = serving.foxglove.publisher(rig.has_geometry())?;
+    let bench = Arc::new(Workbench::new(engine.engine()?, publisher));
     bench.open(rig);
     let title = view::title(folder);
     let page = Page { title: &title, has_camera: false };
@@ -218,6 +221,9 @@ struct ServingOptions {
     /// Do not open the page; it is never opened unless messages go to a terminal
     #[arg(long)]
     no_open: bool,
+
+    #[command(flatten)]
+    foxglove: FoxgloveOptions,
 }
 
 /// A server that listens.

@@ -7,8 +7,8 @@ use std::{
 };
 
 use multiscopic::{
-    DisparityMap, Engine, Frames, Inspection, MatchSetup, Method, Progress, RangeSource, Result,
-    files::MatchedImages,
+    DisparityMap, Engine, Frames, Geometry, Inspection, MatchSetup, Method, Picture, Progress, RangeSource, Result,
+    files::{Cloud, MatchedImages, ros::RosRecording},
     lens::Undistortion,
     stereo::{
         MethodName,
@@ -34,6 +34,9 @@ pub struct TunedRig {
     frames: Frames,
     /// The frames as methods take them, which compare brightness or do not, and need colours or do not.
     suited: [OnceLock<Frames>; 4],
+    /// The centre image as it is matched, in its colours.
+    center: Picture,
+    geometry: Option<Geometry>,
     undistortion: Option<Undistortion>,
     inspection: Inspection,
     scene: ViewedScene,
@@ -67,7 +70,7 @@ impl TunedRig {
     /// Reads a captured folder.
     pub fn open(folder: &Path) -> Result<TunedRig> {
         let mut source = Source::of_rig(folder, None, &BitsOption::default())?;
-        let (mut frames, _, undistortion) = source.load()?;
+        let (mut frames, center, undistortion) = source.load()?;
         let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         let folder = source.folder().unwrap_or(folder);
         let inspection = Inspection::of(&frames);
@@ -79,12 +82,22 @@ impl TunedRig {
             .with_geometry(geometry.as_ref())
             .with_frames(&frames, frames.color(Frame::Center))
             .with_truth(truth.as_ref());
-        Ok(TunedRig { folder: folder.into(), frames, suited: Default::default(), undistortion, inspection, scene })
+        let center = match &undistortion {
+            Some(undistortion) => undistortion.picture(&center),
+            None => center,
+        };
+        let (folder, suited) = (folder.into(), Default::default());
+        Ok(TunedRig { folder, frames, suited, center, geometry, undistortion, inspection, scene })
     }
 
     /// Its folder.
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// Returns true if the focal length and the baseline are known, so that disparities have depths.
+    pub fn has_geometry(&self) -> bool {
+        self.geometry.is_some()
     }
 
     /// Returns what the page shows of it, without maps.
@@ -114,6 +127,17 @@ impl TunedRig {
             plan.method.disparities_and_confidences(engine, frames, &plan.search, progress)?;
         mask_unseen(self.undistortion.as_ref(), &mut disparities, Some(&mut confidences));
         Ok((disparities, confidences, start.elapsed().as_secs_f64()))
+    }
+
+    /// A match as ROS 2 takes it. `None` without the focal length or the baseline.
+    pub fn recording<'a>(
+        &'a self,
+        plan: &TunedMatch,
+        (disparities, confidences, _): &'a (DisparityMap, ConfidenceMap, f64),
+    ) -> Option<RosRecording<'a>> {
+        let (center, geometry) = (&self.center, self.geometry.as_ref()?);
+        let cloud = Cloud { disparities, confidences: Some(confidences), center, geometry };
+        Some(RosRecording { cloud, range: [plan.search.min_disparity(), plan.search.max_disparity()] })
     }
 
     /// A match as the page takes it.

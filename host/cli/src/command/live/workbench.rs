@@ -5,7 +5,7 @@ use std::{
         Arc, Condvar, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicU64, Ordering},
     },
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 use multiscopic::{
@@ -23,6 +23,7 @@ use super::tuned_rig::{Tuned, TunedMatch, TunedRig};
 use crate::command::{
     advice,
     budget::{Prediction, TargetOptions},
+    foxglove::Publisher,
     live::notice_board::{NoticeBoard, Subject},
     options::{MatchingOptions, Named},
     view::shell_line,
@@ -58,6 +59,8 @@ pub struct Workbench {
     pub board: NoticeBoard,
     controls: Vec<Control>,
     engine: Engine,
+    /// The server of results for others than pages.
+    publisher: Option<Publisher>,
     desk: Mutex<Desk>,
     /// Notified when the desk changes.
     change: Condvar,
@@ -90,11 +93,12 @@ struct PlanNotice {
 
 impl Workbench {
     /// An empty one.
-    pub fn new(engine: Engine) -> Workbench {
+    pub fn new(engine: Engine, publisher: Option<Publisher>) -> Workbench {
         Workbench {
             board: NoticeBoard::new(),
             controls: page::controls(),
             engine,
+            publisher,
             desk: Mutex::default(),
             change: Condvar::new(),
             changes: AtomicU64::new(0),
@@ -189,7 +193,11 @@ impl Workbench {
             if watcher.is_interrupted() {
                 break;
             }
-            let Tuned { map, summary, warnings } = rig.tuned(plan, outcome?);
+            let outcome = outcome?;
+            if let (Some(publisher), Some(recording)) = (&self.publisher, rig.recording(plan, &outcome)) {
+                publisher.publish(&recording, SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())?;
+            }
+            let Tuned { map, summary, warnings } = rig.tuned(plan, outcome);
             let notice =
                 json!({ "settings": wish.settings, "folder": folder, "map": map, "summary": summary, "warnings": warnings });
             self.board.put(Subject::Result, notice);

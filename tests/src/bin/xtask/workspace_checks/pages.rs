@@ -10,11 +10,19 @@ use crate::{
 };
 
 /// The tests and what they need, in `tests/page`.
-const FILES: [&str; 7] =
-    ["package.json", "package-lock.json", ".npmrc", "browser.mjs", "page.test.mjs", "large.test.mjs", "live.test.mjs"];
+const FILES: [&str; 8] = [
+    "package.json",
+    "package-lock.json",
+    ".npmrc",
+    "browser.mjs",
+    "page.test.mjs",
+    "large.test.mjs",
+    "live.test.mjs",
+    "foxglove.test.mjs",
+];
 
-/// Makes the page of the demo, and tests it, the live view of the demo, and how fast the page of a large rig is. The screenshots
-/// stay in `target/page/screenshots`.
+/// Makes the page of the demo, and tests it, the live view of the demo, how fast the page of a large rig is, and what is published for
+/// Foxglove. The screenshots stay in `target/page/screenshots`.
 pub fn run_tests() -> Result<()> {
     let (browser, node, npm) = (tools::CHROMIUM.install()?, tools::NODE.install()?, tools::NPM.install()?);
     let folder = system::target().join("page");
@@ -29,11 +37,13 @@ pub fn run_tests() -> Result<()> {
     run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")).arg(&demo).arg(&screenshots))?;
     let mut test = node.command(&["large.test.mjs"])?;
     run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")))?;
-    let live = folder.join("live");
-    let _ = fs::remove_dir_all(&live);
-    fs::create_dir(&live).with_context(|| format!("cannot make {}", live.display()))?;
+    let outputs = folder.join("outputs");
+    let _ = fs::remove_dir_all(&outputs);
+    fs::create_dir(&outputs).with_context(|| format!("cannot make {}", outputs.display()))?;
     let mut test = node.command(&["live.test.mjs"])?;
-    run(test.current_dir(&folder).arg(browser.path()).arg(&program).arg(&demo).arg(&live).arg(&screenshots))
+    run(test.current_dir(&folder).arg(browser.path()).arg(&program).arg(&demo).arg(&outputs).arg(&screenshots))?;
+    let mut test = node.command(&["foxglove.test.mjs"])?;
+    run(test.current_dir(&folder).arg(&program).arg(&demo).arg(&outputs))
 }
 
 /// Copies the test into `folder`, and installs its libraries unless they are there.

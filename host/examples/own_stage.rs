@@ -19,7 +19,7 @@ use std::{
 use image::{GrayImage, Luma};
 use multiscopic::{
     Engine, Method,
-    capture::{BlockingCamera, ThreadedCamera, acquire_images},
+    capture::{BlockingCamera, ThreadedCamera, acquire_images, stage::PosedStage},
 };
 use multiscopic_core::{
     Fusion, SearchConfig, Views,
@@ -90,6 +90,9 @@ impl Stage for Slide {
         Ok(())
     }
 }
+
+/// It counts its steps, and measures nothing else.
+impl PosedStage for Slide {}
 
 /// A camera that is carried by the slide.
 struct Eye {

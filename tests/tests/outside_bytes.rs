@@ -9,14 +9,15 @@ use std::{
     fmt::Debug,
     fs, io,
     path::Path,
-    time::{Duration, Instant},
+    time::{Duration, Instant, UNIX_EPOCH},
 };
 
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
 use multiscopic::{
     CameraModel, Picture, Result, Rig,
     capture::Imperfections,
-    files::{FrameFiles, Limits, ListedRig},
+    files::{FrameFiles, FramePose, Limits, ListedRig},
+    images::Transform,
     lens::Mount,
     target::reception,
 };
@@ -270,6 +271,12 @@ const CALIBRATION: Reader = |path| in_words(CameraModel::read(path));
 
 /// Texts of every kind that a user writes or brings, by the names of their files, and their readers.
 fn texts() -> Vec<(&'static str, Vec<u8>, Reader)> {
+    let pose = FramePose {
+        asked_mm: [0.0, 0.0],
+        counted_mm: Some([0.01, -0.02]),
+        exposed: Some(UNIX_EPOCH + Duration::from_millis(1_773_480_413_589)),
+        measured: Some(Transform { translation_mm: [400.0, -200.5, 500.0], rotation_deg: [180.0, 0.0, 0.25] }),
+    };
     let rig = Rig {
         baseline_mm: Some(20.0),
         focal_px: Some(480.5),
@@ -277,6 +284,8 @@ fn texts() -> Vec<(&'static str, Vec<u8>, Reader)> {
         doffs: 0.25,
         lens: None,
         mount_rotation_deg: Some([0.5, -1.0, 2.0]),
+        mount_roll_deg: Some(1.5),
+        poses: [("center".to_owned(), pose)].into(),
         images: FrameFiles::of_capture(Views::CROSS),
         alignment: None,
         capture: Default::default(),

@@ -9,17 +9,17 @@ use std::{
         mpsc::{self, Receiver, Sender, TryRecvError},
     },
     thread::{self, JoinHandle},
-    time::Duration,
+    time::{Duration, SystemTime},
 };
 
 use image::GrayImage;
 use multiscopic_core::{
     Frame,
-    capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Sequence, Stage},
+    capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence},
 };
 
-use super::{Clock, SystemClock};
-use crate::{error::Error, images::Frames};
+use super::{Clock, SystemClock, stage::PosedStage};
+use crate::{error::Error, files::FramePose, images::Frames};
 
 /// The interval at which the stage and the camera are polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
@@ -29,6 +29,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 pub struct Acquisition {
     /// The frames, in the plan's order.
     pub images: Vec<(Frame, GrayImage)>,
+    /// Where each of them was taken, as far as the stage measured it, and when.
+    pub poses: Vec<(Frame, FramePose)>,
     /// The failure after the last frame. The stage may not be back at the centre.
     pub failure: Option<Error>,
 }
@@ -70,7 +72,7 @@ pub fn acquire_images<S, C>(
     observe: impl FnMut(Duration, CaptureProgress),
 ) -> Result<Acquisition, Error>
 where
-    S: Stage<Error: error::Error + Send + Sync + 'static>,
+    S: PosedStage<Error: error::Error + Send + Sync + 'static>,
     C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
 {
     acquire_images_with_clock(&SystemClock, stage, camera, plan, policy, interrupts, observe)
@@ -90,7 +92,7 @@ pub fn acquire_images_with_clock<S, C>(
     mut observe: impl FnMut(Duration, CaptureProgress),
 ) -> Result<Acquisition, Error>
 where
-    S: Stage<Error: error::Error + Send + Sync + 'static>,
+    S: PosedStage<Error: error::Error + Send + Sync + 'static>,
     C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
 {
     let mut sequence = Sequence::new(plan.positions(), policy);
@@ -99,6 +101,7 @@ where
     let mut handled_interrupts = interrupts.load(Ordering::Relaxed);
     let last = plan.frames().len().checked_sub(1);
     let (mut is_complete, mut failure) = (false, None);
+    let (mut begun, mut poses) = (SystemTime::now(), Vec::new());
     loop {
         let count = interrupts.load(Ordering::Relaxed);
         if count != handled_interrupts {
@@ -117,6 +120,14 @@ where
                 break;
             }
         };
+        match progress {
+            CaptureProgress::Captured(index) => {
+                // Neither may be from after the next move has begun.
+                poses.extend(plan.frames().get(index).copied().zip(pose(stage, plan.positions()[index], begun)));
+            }
+            _ if last_progress != Some(progress) => begun = SystemTime::now(),
+            _ => {}
+        }
         is_complete |= matches!(progress, CaptureProgress::Captured(index) if Some(index) == last);
         if last_progress.replace(progress) != Some(progress) {
             observe(elapsed(), progress);
@@ -128,7 +139,20 @@ where
     }
     let mut image = |index| camera.take_image(index).expect("the last frame comes after all others");
     let images = plan.frames().iter().enumerate().map(|(index, frame)| (*frame, image(index))).collect();
-    Ok(Acquisition { images, failure })
+    Ok(Acquisition { images, poses, failure })
+}
+
+/// Where a stage at rest is by its own measure, and the time between `begun` and now. `None` if it fails, as the next step will
+/// tell.
+fn pose<S: PosedStage>(stage: &mut S, asked: Position, begun: SystemTime) -> Option<FramePose> {
+    let now = SystemTime::now();
+    let millimetres = |Position { x_um, y_um }| [x_um, y_um].map(|um| f64::from(um) / 1000.0);
+    Some(FramePose {
+        asked_mm: millimetres(asked),
+        counted_mm: stage.position().ok()?.map(millimetres),
+        exposed: now.duration_since(begun).ok().map(|taken| begun + taken / 2),
+        measured: stage.pose().ok()?,
+    })
 }
 
 /// The frame that the error is about. `None` if it is not about one.

@@ -21,6 +21,7 @@ mod rig_list;
 #[cfg(feature = "mcap")]
 pub mod ros;
 mod tiff_files;
+mod utc;
 
 pub use cloud::{Cloud, CloudPoint};
 pub use disparity_files::{
@@ -31,5 +32,5 @@ pub use input::Limits;
 pub use npy::{write_npy, write_npz};
 pub use pair_calibration::PairCalibration;
 pub use pfm::{pfm_bytes, read_pfm, read_pfm_within, write_pfm};
-pub use rig_file::{AlignmentRecord, Provenance, Residual, Rig};
+pub use rig_file::{AlignmentRecord, FramePose, Provenance, Residual, Rig};
 pub use rig_list::ListedRig;

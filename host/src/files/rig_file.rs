@@ -3,14 +3,16 @@
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
+    time::SystemTime,
 };
 
+use multiscopic_core::Frame;
 use serde::{Deserialize, Serialize};
 
-use super::{frame_files::FrameFiles, input, output, pair_calibration::PairCalibration};
+use super::{frame_files::FrameFiles, input, output, pair_calibration::PairCalibration, utc};
 use crate::{
     error::{Error, Result},
-    images::Geometry,
+    images::{Geometry, Transform},
 };
 
 /// The contents of `rig.toml`.
@@ -22,6 +24,7 @@ use crate::{
 /// doffs = 0.0                     # optional
 /// lens = "camera.toml"            # optional: the calibration of a lens that distorts the images, relative to this folder
 /// mount_rotation_deg = [0.5, -1.0, 0.0]  # optional: how the camera is turned against the axes along which it was moved
+/// mount_roll_deg = 2.0            # optional: how these axes are turned, from right towards down, against those of the stage
 ///
 /// [images]                        # relative to this folder; at least one neighbour
 /// center = "center.png"
@@ -37,6 +40,15 @@ use crate::{
 /// stage = "gcode:/dev/ttyUSB0"
 /// date = "2026-03-14"
 /// repeatability_mm = 0.02
+///
+/// [poses.center]                  # optional, of each frame, like each of its lines but the first
+/// asked_mm = [0.0, 0.0]           # where the stage was sent: to the right and down, along the camera's rows and columns
+/// counted_mm = [0.01, 0.0]        # where it was by its own count, along the same axes
+/// exposed = "2026-03-14T09:26:53.589Z"
+///
+/// [poses.center.measured]         # the pose of the tool in the base of an arm that measures it: an axis times an angle
+/// translation_mm = [400.02, -199.98, 500.0]
+/// rotation_deg = [180.0, 0.0, 0.0]
 ///
 /// # [alignment]                   # written by `align`: what was wrong with the images before
 /// ```
@@ -68,11 +80,17 @@ pub struct Rig {
     /// The rotation of the camera against the axes along which it was moved: an axis, to the right, down and ahead, times an
     /// angle in degrees. Needs the focal length, unless `lens` has it.
     pub mount_rotation_deg: Option<[f64; 3]>,
+    /// The angle in degrees, from right towards down, from the axes of the stage to those along which the camera was moved, which
+    /// are its rows and columns: the roll of its mount, which the moves took out.
+    pub mount_roll_deg: Option<f64>,
     /// The image files.
     pub images: FrameFiles,
     /// The circumstances in which the images were captured.
     #[serde(default)]
     pub capture: Provenance,
+    /// The pose of the camera in each frame, by the frame's name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub poses: BTreeMap<String, FramePose>,
     /// The misalignment of the images before `align` rectified them, if it did.
     pub alignment: Option<AlignmentRecord>,
 }
@@ -125,8 +143,10 @@ impl Rig {
             doffs: calibration.map_or(0.0, |pair| pair.doffs),
             lens: None,
             mount_rotation_deg: None,
+            mount_roll_deg: None,
             images,
             capture: Provenance::default(),
+            poses: BTreeMap::new(),
             alignment: None,
         }
     }
@@ -152,6 +172,27 @@ impl Rig {
     /// Returns the pixel at which the optical axis meets images of a size.
     pub fn principal_point(&self, size: [usize; 2]) -> [f64; 2] {
         self.principal_point.unwrap_or(size.map(|side| (side as f64 - 1.0) / 2.0))
+    }
+
+    /// The pose of the camera in a frame, if it is known.
+    pub fn pose(&self, frame: Frame) -> Option<&FramePose> {
+        self.poses.get(&frame.to_string())
+    }
+
+    fn check_pose(&self, path: &Path, name: &str, pose: &FramePose) -> Result<()> {
+        let frames = [Frame::Center].into_iter().chain(self.images.views().iter().map(Frame::View));
+        if !frames.into_iter().any(|frame| frame.to_string() == name) {
+            return Err(Error::format(path, format!("[poses.{name}]"), "poses of the frames that [images] names"));
+        }
+        let places = [Some(pose.asked_mm), pose.counted_mm].into_iter().flatten().flatten();
+        if let Some(place) = places.into_iter().find(|place| place.is_nan() || place.abs() > Geometry::MAX_LENGTH) {
+            return Err(Error::format(path, format!("{place} in [poses.{name}]"), "millimetres from the centre"));
+        }
+        if pose.measured.is_some_and(|pose| !pose.is_plausible()) {
+            let expected = "millimetres up to 100 m, and an axis times an angle of at most 720 degrees";
+            return Err(Error::format(path, format!("another pose in [poses.{name}.measured]"), expected));
+        }
+        Ok(())
     }
 
     fn check(&self, path: &Path) -> Result<()> {
@@ -183,11 +224,31 @@ impl Rig {
                 return Err(Error::format(path, "mount_rotation_deg but no principal point", "principal_point or lens as well"));
             }
         }
+        if let Some(angle) = self.mount_roll_deg.filter(|angle| !(-180.0..=180.0).contains(angle)) {
+            return Err(Error::format(path, format!("mount_roll_deg = {angle}"), "-180 to 180 degrees"));
+        }
+        self.poses.iter().try_for_each(|(name, pose)| self.check_pose(path, name, pose))?;
         if self.images.views().is_empty() {
             return Err(Error::format(path, "no neighbour in [images]", "at least one of left, right, top or bottom"));
         }
         Ok(())
     }
+}
+
+/// The place from which a frame was taken, and the time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FramePose {
+    /// The place where the stage was sent, in millimetres from the centre: to the right and down, along the axes of
+    /// [`Rig::mount_roll_deg`].
+    pub asked_mm: [f64; 2],
+    /// The place where the stage was by its own count, along the same axes. `None` if it does not count.
+    pub counted_mm: Option<[f64; 2]>,
+    /// The middle of the time within which the frame was exposed.
+    #[serde(default, with = "utc")]
+    pub exposed: Option<SystemTime>,
+    /// The pose of the tool in the frame of the stage's base, if the stage measures poses.
+    pub measured: Option<Transform>,
 }
 
 /// The `[alignment]` of a `rig.toml` whose images are rectified: what was wrong with the original ones. It tells people, and
@@ -339,6 +400,35 @@ mod tests {
         assert_eq!(Rig::load(dir.path()).unwrap(), rig);
         rig.focal_px = Some(0.0);
         assert!(rig.save(dir.path()).unwrap_err().to_string().contains("found focal_px = 0, expected a length above 0"));
+    }
+
+    #[test]
+    fn poses_are_kept_to_the_microsecond_and_checked() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut rig = load(TEXT).unwrap();
+        let measured = Transform { translation_mm: [400.02, -199.98, 500.0], rotation_deg: [179.9, 0.0, 0.3] };
+        let exposed = SystemTime::UNIX_EPOCH + std::time::Duration::from_micros(1_773_480_413_589_001);
+        let (asked_mm, counted_mm) = ([0.0, 0.0], Some([0.01, -0.02]));
+        let pose = FramePose { asked_mm, counted_mm, exposed: Some(exposed), measured: Some(measured) };
+        rig.poses.insert("center".into(), pose);
+        rig.poses.insert("right".into(), FramePose { counted_mm: None, exposed: None, measured: None, ..pose });
+        rig.save(dir.path()).unwrap();
+        let text = std::fs::read_to_string(dir.path().join(Rig::FILE_NAME)).unwrap();
+        // By `date -u -d @1773480413`.
+        assert!(text.contains("exposed = \"2026-03-14T09:26:53.589001Z\""), "{text}");
+        let loaded = Rig::load(dir.path()).unwrap();
+        assert_eq!(loaded, rig);
+        assert_eq!(loaded.pose(Frame::Center), Some(&pose));
+        let with = |poses: &str| message("[capture]", &format!("{poses}\n[capture]"));
+        let table = |name: &str| with(&format!("[poses.{name}]\nasked_mm = [0.0, 0.0]"));
+        assert!(table("top").contains("[poses.top], expected poses of the frames that [images] names"), "{}", table("top"));
+        let time = with("[poses.center]\nasked_mm = [0.0, 0.0]\nexposed = \"noon\"");
+        assert!(time.contains("\"noon\" is no time in UTC"), "{time}");
+        let measured =
+            with("[poses.center]\nasked_mm = [0, 0]\nmeasured = { translation_mm = [nan, 0, 0], rotation_deg = [0, 0, 0] }");
+        assert!(measured.contains("[poses.center.measured]"), "{measured}");
+        let place = with("[poses.center]\nasked_mm = [inf, 0.0]");
+        assert!(place.contains("inf in [poses.center], expected millimetres"), "{place}");
     }
 
     #[test]

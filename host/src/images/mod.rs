@@ -1,5 +1,5 @@
 //! Images in memory: rasters, pictures, the frames of a capture and their layout, disparity maps, the geometry
-//! that turns disparity into depth, and the displacements that rectify frames.
+//! that turns disparity into depth, transforms between frames of coordinates, and the displacements that rectify frames.
 
 mod color_scale;
 mod frames;
@@ -7,6 +7,7 @@ mod geometry;
 mod interpolated;
 pub mod montage;
 mod picture;
+mod transform;
 
 pub use multiscopic_engine::{DisparityMap, FloatImage, Raster};
 
@@ -19,3 +20,4 @@ pub(crate) use interpolated::{InterpolatedImage, extended_pixel};
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub(crate) use picture::gray_of;
 pub use picture::{BitDepth, ImageRegion, Picture};
+pub use transform::Transform;

@@ -79,6 +79,9 @@ impl Mount {
     /// A camera that is square to its stage.
     pub const SQUARE: Mount = Mount { rotation_deg: [0.0; 3], rotation_deviation_deg: None, focal_px: None };
 
+    /// The name of its file in a captured folder.
+    pub const FILE_NAME: &str = "mount.toml";
+
     /// The largest angle about an axis, in degrees.
     pub const MAX_ROTATION_DEG: f64 = 45.0;
 

@@ -239,7 +239,7 @@ impl FailingRig {
         drop(camera);
         self.assert_rest(what);
         let (images, error) = match taken {
-            Ok(Acquisition { images, failure }) => (Some(images), failure),
+            Ok(Acquisition { images, failure, .. }) => (Some(images), failure),
             Err(error) => (None, Some(error)),
         };
         let (error, words) = (error.map(|error| error.to_string()), trouble.map_or(&[][..], |trouble| trouble.description().1));
@@ -251,7 +251,7 @@ impl FailingRig {
             assert_eq!(retries, 1, "{what}: retries");
         }
         if let Some(images) = images {
-            check_match(Acquisition { images, failure: None }, what);
+            check_match(Acquisition { images, poses: Vec::new(), failure: None }, what);
         }
         self.repair();
     }

@@ -10,9 +10,12 @@ use std::{
 };
 
 use crate::hostile_arm::{ANSWERS, hear};
-use multiscopic::capture::{
-    Clock, SystemClock,
-    stage::{self, AnyStage, Limits, SafetyMode, StageError, StageSpec},
+use multiscopic::{
+    capture::{
+        Clock, SystemClock,
+        stage::{self, AnyStage, Limits, PosedStage, SafetyMode, StageError, StageSpec},
+    },
+    images::Transform,
 };
 use multiscopic_core::{
     Views,
@@ -158,6 +161,19 @@ fn assert_at(found: Pose, expected: Pose) {
     let off = (distance(found, expected), angle(found, expected));
     // The script rounds to nanometres and nanoradians.
     assert!(off.0 < 1e-8 && off.1 < 1e-8, "{found:?} is {off:?} from {expected:?}");
+}
+
+#[test]
+fn the_pose_is_what_the_arm_measures() {
+    let bench = Bench::new(ASKEW);
+    let mut stage = bench.open().unwrap();
+    bench.go(&mut stage, at(20_000, -5_000)).unwrap();
+    let Transform { translation_mm, rotation_deg } = stage.pose().unwrap().expect("an arm measures poses");
+    let expected = bench.arm.pose();
+    for (axis, (mm, deg)) in translation_mm.into_iter().zip(rotation_deg).enumerate() {
+        assert!((mm - 1e3 * expected[axis]).abs() < 1e-9, "{translation_mm:?} instead of {expected:?}");
+        assert!((deg - expected[3 + axis].to_degrees()).abs() < 1e-9, "{rotation_deg:?} instead of {expected:?}");
+    }
 }
 
 #[test]

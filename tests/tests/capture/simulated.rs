@@ -1,13 +1,14 @@
 //! `capture` with simulated hardware: perfect, with a lens, a mount and a stage that err, and with calibrations of them.
 //! `calibrate mount` finds the angles between such a camera and its stage.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, time::SystemTime};
 
 use multiscopic::{
     Rig,
     lens::Mount,
     scene::{PinholeCamera, Scene, render},
 };
+use multiscopic_core::{Frame, View};
 use multiscopic_tests::{program::Invocation, test_images::read_pfm};
 
 const SIZE: [usize; 2] = [320, 240];
@@ -117,6 +118,36 @@ fn a_stage_that_errs_moves_the_views() {
     capture(&format!("sim:{}", at("errors.toml").display()), &at("rig"), &["--views", "2"]).assert_done();
     let [_, share] = median_errors(&at("rig"));
     assert!((share - 0.05).abs() < 0.01, "{share}");
+}
+
+#[test]
+fn poses_are_recorded_as_the_stage_measures_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fs::write(
+        at("errors.toml"),
+        "[mount]\nrotation_deg = [1.0, 0.0, 3.0]\n[stage]\nrepeatability_mm = 0.05\nrotation_deg = 0.03\n",
+    )
+    .unwrap();
+    fs::write(at("mount.toml"), "rotation_deg = [1.0, 0.0, 3.0]\n").unwrap();
+    let mount = ["--mount", at("mount.toml").to_str().unwrap(), "--views", "2"].map(String::from);
+    let options: Vec<&str> = mount.iter().map(String::as_str).collect();
+    let before = SystemTime::now();
+    capture(&format!("sim:{}", at("errors.toml").display()), &at("rig"), &options).assert_done();
+    let rig = Rig::load(&at("rig")).unwrap();
+    assert!((rig.mount_roll_deg.unwrap() - 3.0).abs() < 0.05 && Mount::read(&at("rig/mount.toml")).is_ok(), "{rig:?}");
+    // Along its own rows, the camera moves by 20 mm; the stage, turned by 3 degrees.
+    let pose = rig.pose(Frame::View(View::RIGHT)).unwrap();
+    assert_eq!(pose.asked_mm, [20.0, 0.0]);
+    let (sin, cos) = rig.mount_roll_deg.unwrap().to_radians().sin_cos();
+    let measured = pose.measured.unwrap();
+    let off = [0, 1, 2].map(|axis| measured.translation_mm[axis] - [20.0 * cos, 20.0 * sin, 0.0][axis]);
+    assert!(off.iter().all(|mm| mm.abs() < 0.06) && off.iter().any(|mm| mm.abs() > 1e-4), "{off:?}");
+    assert!(measured.rotation_deg.iter().all(|deg| deg.abs() <= 0.03 && *deg != 0.0), "{measured:?}");
+    let exposed = pose.exposed.unwrap();
+    assert!(exposed > before && exposed < SystemTime::now(), "{exposed:?}");
+    let log = fs::read_to_string(at("rig/capture.log")).unwrap();
+    assert!(log.contains("right: asked for (20, 0) mm, counted (") && log.contains("in the frame of the base"), "{log}");
 }
 
 #[test]

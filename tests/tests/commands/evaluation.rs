@@ -201,6 +201,8 @@ fn capture_wall(folder: &Path, camera: &PinholeCamera, turned: [f64; 2], seed: u
         doffs: 0.0,
         lens: None,
         mount_rotation_deg: None,
+        mount_roll_deg: None,
+        poses: Default::default(),
         images,
         alignment: None,
         capture: Provenance::default(),

@@ -1,6 +1,7 @@
 //! `multiscopic scene`: made-up captures with known disparities.
 
 use std::{
+    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
     process::ExitCode,
@@ -133,6 +134,8 @@ pub fn rig(camera: &PinholeCamera, views: Views, what: String) -> Rig {
         doffs: 0.0,
         lens: None,
         mount_rotation_deg: None,
+        mount_roll_deg: None,
+        poses: BTreeMap::new(),
         images: FrameFiles::of_capture(views),
         alignment: None,
         capture: Provenance {

@@ -2,7 +2,8 @@
 
 use multiscopic_core::capture::{Position, Stage};
 
-use super::error::StageError;
+use super::{error::StageError, posed::PosedStage};
+use crate::images::Transform;
 
 /// A stage whose positions are turned about its centre, so that a camera that is mounted at an angle moves along its own rows and
 /// columns.
@@ -46,12 +47,18 @@ impl<S: Stage> Stage for TurnedStage<S> {
     }
 }
 
+impl<S: PosedStage> PosedStage for TurnedStage<S> {
+    fn pose(&mut self) -> Result<Option<Transform>, S::Error> {
+        self.stage.pose()
+    }
+}
+
 /// A stage of any kind.
-pub struct AnyStage(Box<dyn Stage<Error = StageError> + Send>);
+pub struct AnyStage(Box<dyn PosedStage<Error = StageError> + Send>);
 
 impl AnyStage {
     /// Boxes a stage.
-    pub fn new(stage: impl Stage<Error = StageError> + Send + 'static) -> AnyStage {
+    pub fn new(stage: impl PosedStage<Error = StageError> + Send + 'static) -> AnyStage {
         AnyStage(Box::new(stage))
     }
 }
@@ -73,6 +80,12 @@ impl Stage for AnyStage {
 
     fn stop(&mut self) -> Result<(), StageError> {
         self.0.stop()
+    }
+}
+
+impl PosedStage for AnyStage {
+    fn pose(&mut self) -> Result<Option<Transform>, StageError> {
+        self.0.pose()
     }
 }
 

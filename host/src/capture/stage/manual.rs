@@ -11,7 +11,7 @@ use std::{
 
 use multiscopic_core::capture::{Position, Stage};
 
-use super::{error::StageError, limits::Limits};
+use super::{error::StageError, limits::Limits, posed::PosedStage};
 
 /// A stage that prompts a person to move the camera. An empty line means done; `q` gives up.
 ///
@@ -100,6 +100,8 @@ impl<W: Write> Stage for ManualStage<W> {
         Ok(())
     }
 }
+
+impl<W: Write> PosedStage for ManualStage<W> {}
 
 /// The way from one position to another, in words.
 fn displacement(from: Position, to: Position) -> String {

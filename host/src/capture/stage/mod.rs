@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`StageSpec`] | which stage, as `--stage` spells it |
 //! | [`Limits`] | how far and how fast a stage may go, and how long to wait for it |
+//! | [`PosedStage`] | a stage that tells the pose that it measures |
 //! | [`open`], [`AnyStage`] | opens a stage of any kind |
 //! | [`Arm`] | an arm of Universal Robots |
 //! | [`gcode`] | machines with G-code on a serial port |
@@ -20,6 +21,7 @@ mod error;
 pub mod gcode;
 mod limits;
 mod manual;
+mod posed;
 pub mod robot_arm;
 mod simulated;
 
@@ -31,6 +33,7 @@ pub use adapters::{AnyStage, TurnedStage};
 pub use error::{SafetyMode, StageError};
 pub use limits::Limits;
 pub use manual::ManualStage;
+pub use posed::PosedStage;
 pub use robot_arm::{Arm, ArmAddress};
 pub use simulated::{SimulatedPlace, SimulatedStage, StageImperfections, StagePose};
 

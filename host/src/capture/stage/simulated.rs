@@ -9,8 +9,11 @@ use fastrand::Rng;
 use multiscopic_core::capture::{Position, Stage};
 use serde::Deserialize;
 
-use super::{error::StageError, limits::Limits};
-use crate::capture::{Clock, SystemClock};
+use super::{error::StageError, limits::Limits, posed::PosedStage};
+use crate::{
+    capture::{Clock, SystemClock},
+    images::Transform,
+};
 
 /// A stage without hardware, which takes the time that a real one would, and makes the errors that it is told to.
 #[derive(Debug)]
@@ -204,6 +207,16 @@ impl Stage for SimulatedStage {
         self.drive([here.x_um, here.y_um].map(|um| f64::from(um) / 1000.0));
         (self.from, self.target, self.departure) = (self.driven, here, self.clock.now());
         Ok(())
+    }
+}
+
+/// It measures what an arm does, in the frame of the place where it was opened: where its drives are, and by how much a move missed
+/// its target and turned the camera. Play, and axes that are skew or of another scale, it does not notice.
+impl PosedStage for SimulatedStage {
+    fn pose(&mut self) -> Result<Option<Transform>, StageError> {
+        self.update();
+        let ([x, y], ([miss_x, miss_y], rotation_deg)) = (self.driven, self.miss);
+        Ok(Some(Transform { translation_mm: [x + miss_x, y + miss_y, 0.0], rotation_deg }))
     }
 }
 

@@ -187,20 +187,15 @@ impl RecorderOptions {
         let simulated = hardware.simulated.as_ref().map(SimulatedCamera::nominal_focal_px);
         let focal_px =
             self.focal_px.or(lens.as_ref().map(LensFile::focal_px)).or(mount.and_then(|mount| mount.focal_px)).or(simulated);
-        let mount_rotation_deg = match (mount, &self.mount) {
-            (Some(_), Some(path)) if focal_px.is_none() => {
+        if let (Some(mount), Some(path)) = (mount, &self.mount) {
+            if focal_px.is_none() {
                 let path = path.display();
                 return Err(Error::Usage(format!(
                     "{path} has no focal length, without which images are not rectified: give --focal-px or --lens"
                 )));
             }
-            (Some(mount), _) => {
-                let (roll, rest) = mount.split_roll();
-                hardware.stage = AnyStage::new(TurnedStage::new(hardware.stage, roll));
-                Some(rest.rotation_deg)
-            }
-            (None, _) => None,
-        };
+            hardware.stage = AnyStage::new(TurnedStage::new(hardware.stage, mount.split_roll().0));
+        }
         let long_baseline = match (self.layout.accuracy, focal_px) {
             (None, _) => None,
             (Some(accuracy), None) => {
@@ -214,7 +209,7 @@ impl RecorderOptions {
         };
         let baseline_um = self.layout.baseline_um()?;
         let plan = Plan::new(self.layout.views()?, baseline_um).shortened(hardware.policy.backlash_um);
-        Ok(Recorder { plan, baseline_um, long_baseline, focal_px, lens, mount_rotation_deg, hardware })
+        Ok(Recorder { plan, baseline_um, long_baseline, focal_px, lens, mount, hardware })
     }
 }
 

@@ -1,7 +1,9 @@
 //! Captures written to folders, and their logs.
 
 use std::{
+    collections::BTreeMap,
     fmt::{self, Display, Write as _},
+    mem,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -10,11 +12,12 @@ use jiff::Zoned;
 use multiscopic::{
     CameraModel, FloatImage, Frames, Inspection, Result, Rig,
     capture::{Acquisition, SimulatedCamera, acquire_images},
-    files::{FrameFiles, Provenance, output},
-    lens::{LensFile, Undistortion},
+    files::{FrameFiles, FramePose, Provenance, output},
+    images::Transform,
+    lens::{LensFile, Mount, Undistortion},
 };
 use multiscopic_core::{
-    Views,
+    Frame, Views,
     capture::{CaptureProgress, Plan, Position},
 };
 use serde::Serialize;
@@ -34,8 +37,8 @@ pub struct Recorder {
     pub focal_px: Option<f64>,
     /// The calibration of the camera's lens, if it is known.
     pub lens: Option<LensFile>,
-    /// The rotation of the camera against the axes along which it is moved, if it is known: a rotation vector in degrees.
-    pub mount_rotation_deg: Option<[f64; 3]>,
+    /// The rotation of the camera against the axes of the stage, if it is known.
+    pub mount: Option<Mount>,
     /// The stage and the camera.
     pub hardware: Hardware,
 }
@@ -76,11 +79,12 @@ impl Recorder {
         let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
         let mut taken = acquire(&mut self.hardware, &self.plan, &mut log, observe)?;
         let failure = taken.failure.take();
+        let mut poses = mem::take(&mut taken.poses);
         let mut frames = taken.frames();
         let mut notes = Vec::new();
         let ended = match failure {
             Some(error) => Err(error),
-            None => self.extend(&mut frames, &mut log, &mut notes, observe),
+            None => self.extend(&mut frames, &mut poses, &mut log, &mut notes, observe),
         };
         for note in &notes {
             terminal::complain(note);
@@ -89,7 +93,8 @@ impl Recorder {
         if let Err(error) = &ended {
             log.note(&advice::error(error));
         }
-        let rig = self.rig(&frames, date, (!notes.is_empty()).then(|| notes.join("\n")));
+        let poses = poses.into_iter().map(|(frame, pose)| (frame.to_string(), pose)).collect();
+        let rig = Rig { poses, ..self.rig(&frames, date, (!notes.is_empty()).then(|| notes.join("\n"))) };
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
         let simulated = self.hardware.simulated.as_ref();
         let truth = simulated.and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
@@ -101,6 +106,9 @@ impl Recorder {
             output::write(&folder.join(CaptureLog::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;
             if let Some(lens) = &self.lens {
                 lens.camera.save(&folder.join(CameraModel::FILE_NAME))?;
+            }
+            if let Some(mount) = &self.mount {
+                mount.save(&folder.join(Mount::FILE_NAME))?;
             }
             rig.save(folder)
         })?;
@@ -131,6 +139,7 @@ impl Recorder {
     fn extend(
         &mut self,
         frames: &mut Frames,
+        poses: &mut Vec<(Frame, FramePose)>,
         log: &mut CaptureLog,
         notes: &mut Vec<String>,
         observe: &mut dyn FnMut(&str, usize, usize),
@@ -151,6 +160,7 @@ impl Recorder {
             let plan = Plan::of_views(views, self.baseline_um).shortened(self.hardware.policy.backlash_um);
             let mut taken = acquire(&mut self.hardware, &plan, log, observe)?;
             let failure = taken.failure.take();
+            poses.append(&mut taken.poses);
             *frames = taken.added_to(frames.clone());
             failure.map_or(Ok(()), Err)?;
             notes.push(refinement.refine(&ideal(frames))?);
@@ -166,9 +176,11 @@ impl Recorder {
             principal_point: Some(lens.map_or(middle, |camera| camera.principal_point)),
             doffs: 0.0,
             lens: lens.map(|_| CameraModel::FILE_NAME.into()),
-            mount_rotation_deg: self.mount_rotation_deg,
+            mount_rotation_deg: self.mount.map(|mount| mount.split_roll().1.rotation_deg),
+            mount_roll_deg: self.mount.map(|mount| mount.split_roll().0.to_degrees()),
             images: FrameFiles::of_capture(frames.views()),
             alignment: None,
+            poses: BTreeMap::new(),
             capture: Provenance {
                 camera: Some(self.hardware.camera_name.clone()),
                 stage: Some(self.hardware.stage_name.clone()),
@@ -225,6 +237,7 @@ fn acquire(
         bar.set_message(step);
     });
     bar.finish_and_clear();
+    images.iter().flat_map(|taken| &taken.poses).for_each(|(frame, pose)| log.note(&pose_in_words(*frame, pose)));
     if let Some(note) = hardware.warn_of_unlocked() {
         log.note(note);
     }
@@ -272,6 +285,16 @@ impl CaptureLog {
     fn as_bytes(&self) -> &[u8] {
         self.0.as_bytes()
     }
+}
+
+/// The place where a frame was taken, in words.
+fn pose_in_words(frame: Frame, pose: &FramePose) -> String {
+    let FramePose { asked_mm: [x, y], counted_mm, measured, .. } = pose;
+    let counted = counted_mm.map(|[x, y]| format!(", counted ({x:.3}, {y:.3})"));
+    let measured = measured.map(|Transform { translation_mm: [x, y, z], rotation_deg: [a, b, c] }| {
+        format!(", measured ({x:.3}, {y:.3}, {z:.3}) mm and ({a:.4}, {b:.4}, {c:.4}) deg in the frame of the base")
+    });
+    format!("{frame}: asked for ({x}, {y}) mm{}{}", counted.unwrap_or_default(), measured.unwrap_or_default())
 }
 
 /// A step of a capture of `plan`, in words.

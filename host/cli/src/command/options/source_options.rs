@@ -324,6 +324,8 @@ impl GeometryOptions {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use image::GrayImage;
     use multiscopic::{CameraModel, Lens, files::Provenance, lens::Mount};
 
@@ -342,6 +344,8 @@ mod tests {
             doffs: 3.0,
             lens: None,
             mount_rotation_deg: None,
+            mount_roll_deg: None,
+            poses: BTreeMap::new(),
             images: FrameFiles::default(),
             alignment: None,
             capture: Provenance::default(),

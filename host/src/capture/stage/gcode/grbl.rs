@@ -17,6 +17,7 @@ use super::line_port::{LinePort, distance, linear_move, parse_coordinate, to_mac
 use crate::capture::stage::{
     error::StageError,
     limits::{Limits, StallTimer},
+    posed::PosedStage,
 };
 
 /// The distance from its target at which the machine has arrived, in millimetres: a few steps of a coarse machine.
@@ -101,6 +102,8 @@ impl<P: Read + Write> Stage for Grbl<P> {
         self.link.check_standstill()
     }
 }
+
+impl<P: Read + Write> PosedStage for Grbl<P> {}
 
 impl<P: Read + Write> Drop for Grbl<P> {
     fn drop(&mut self) {

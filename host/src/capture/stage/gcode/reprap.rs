@@ -13,7 +13,7 @@ use std::{
 use multiscopic_core::capture::{Position, Stage};
 
 use super::line_port::{LinePort, distance, linear_move, parse_coordinate, to_machine, to_position};
-use crate::capture::stage::{error::StageError, limits::Limits};
+use crate::capture::stage::{error::StageError, limits::Limits, posed::PosedStage};
 
 /// The names by which these firmwares answer `M115`.
 pub(super) const FIRMWARES: [&str; 6] = ["Marlin", "Prusa-Firmware", "Klipper", "RepRapFirmware", "Repetier", "Smoothie"];
@@ -243,6 +243,8 @@ impl<P: Read + Write> Stage for RepRap<P> {
         Ok(())
     }
 }
+
+impl<P: Read + Write> PosedStage for RepRap<P> {}
 
 impl<P: Read + Write> Drop for RepRap<P> {
     fn drop(&mut self) {

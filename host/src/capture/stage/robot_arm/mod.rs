@@ -17,8 +17,12 @@ use multiscopic_core::capture::{Position, Stage};
 use super::{
     error::StageError,
     limits::{Limits, StallTimer},
+    posed::PosedStage,
 };
-use crate::capture::{Clock, SystemClock};
+use crate::{
+    capture::{Clock, SystemClock},
+    images::Transform,
+};
 
 use feedback::{ArmState, Feedback};
 use network::Hosts;
@@ -186,6 +190,12 @@ impl Stage for Arm {
             true => Ok(()),
             false => Err(StageError::StillMoving { after: STOP_LIMIT }),
         }
+    }
+}
+
+impl PosedStage for Arm {
+    fn pose(&mut self) -> Result<Option<Transform>, StageError> {
+        Ok(Some(self.feedback.state()?.sample.pose.transform()))
     }
 }
 

@@ -14,7 +14,10 @@ use std::{
 use multiscopic_core::capture::Position;
 
 use super::network::Connection;
-use crate::capture::stage::{error::StageError, limits::Limits};
+use crate::{
+    capture::stage::{error::StageError, limits::Limits},
+    images::Transform,
+};
 
 /// Deceleration of a stop in metres per second squared: the highest speed ends within a quarter of a second.
 const STOP_M_S2: f64 = 1.0;
@@ -125,6 +128,11 @@ impl ToolPose {
         let [x, y, z] = self.position;
         let [other_x, other_y, other_z] = other.position;
         rotate([other_x - x, other_y - y, other_z - z], self.rotation.map(|component| -component))
+    }
+
+    /// The same in millimetres and degrees.
+    pub fn transform(&self) -> Transform {
+        Transform { translation_mm: self.position.map(|metres| 1e3 * metres), rotation_deg: self.rotation.map(f64::to_degrees) }
     }
 
     /// The angle between both orientations, in radians from 0 to pi.

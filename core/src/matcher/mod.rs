@@ -4,13 +4,15 @@
 //! | --- | --- |
 //! | `exact` | exact fused costs, for the pixels whose lanes do not suffice |
 //! | `selection` | winner-takes-all, and sub-pixel refinement |
+//! | `joint` | joint sums of all views, where a pixel sees all of them |
 //! | `sweep` | the sweep along a line, and its results: matching costs or disparities |
 
 mod exact;
+mod joint;
 mod selection;
 mod sweep;
 
-use core::marker::PhantomData;
+use core::{marker::PhantomData, ops::Range};
 
 use bytemuck::Pod;
 
@@ -23,6 +25,7 @@ use crate::{
     memory::{Lender, Shape},
     params::prior_of,
 };
+use joint::JointSums;
 use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 
 /// A pass over a region of a frame, one disparity line at a time.
@@ -76,6 +79,7 @@ pub struct Matcher<'m, I = Native, P = BlockMatchingParams> {
     sums: Sums<'m>,
     /// The availability that `sums.masks` stand for.
     availability: Availability,
+    joint: JointSums,
     /// A buffer for a line from the source.
     line: &'m mut [u8],
     /// The next disparity line.
@@ -178,6 +182,7 @@ impl<'m, I: Isa, P: Params<BlockMatchingParams>> Matcher<'m, I, P> {
             frames: Frames { center, views, priors },
             sums: Sums { columns, blocks, masks, fused, zeros },
             availability: Availability::new(params.search()),
+            joint: JointSums::default(),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
             next_primed: region.rows().start as i32 - params.radius() as i32,
@@ -354,20 +359,41 @@ impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
         // The lowest line of the blocks enters. At the top of the region all their lines enter beforehand,
         // and the sweep's own step changes nothing: the same line enters and leaves.
         let entering = v as i32 + params.radius() as i32;
-        let mut lines = Change { entering, leaving: entering - params.block_size() as i32 };
+        let block_size = params.block_size();
+        let mut lines = Change { entering, leaving: entering - block_size as i32 };
+        let prime = |frames: &Frames<'_>, line: i32, columns: &mut [I::Sums]| {
+            let steps = sweep::steps::<I, V>(frames, Change { entering: line, leaving: line }, columns, empty_column, block_size);
+            self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
+        };
+        let summed = lines.leaving..entering;
         if v == self.region.rows().start {
             lines.leaving = entering;
             while self.next_primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.next_primed)?;
-                let line = Change { entering: self.next_primed, leaving: self.next_primed };
-                let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, params.block_size());
-                self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
+                prime(&self.frames, self.next_primed, columns);
                 self.next_primed += 1;
             }
         }
         self.frames.read_ahead(source, &self.params, self.line, entering)?;
         if v + 1 == params.height() {
             self.frames.read_rest(source, params, self.line)?;
+        }
+        if JointSums::suit::<L, I, P, V>(&self.params) {
+            let pixels = if out.takes_joint_sums() {
+                JointSums::pixels_of(params, &self.region, &self.availability, v)
+            } else {
+                0..0
+            };
+            if pixels != self.joint.pixels {
+                if !self.joint.pixels.is_empty() {
+                    cast_mut::<_, u16>(columns).fill(I::bias((v - self.region.rows().start) as u32));
+                    summed.for_each(|line| prime(&self.frames, line, columns));
+                }
+                self.joint.pixels = pixels;
+                let Range { start, end } = self.joint.columns(params.radius());
+                let joined = columns.get_mut(start * V * vectors..end * V * vectors).unwrap_or_default();
+                joint::join::<L, I, V>(self.isa, joined, vectors);
+            }
         }
         let (blocks, kept) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
         let sweep = Sweep::<L, I, V, P, O> {
@@ -376,12 +402,13 @@ impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
             params: &self.params,
             region: &self.region,
             v,
-            steps: sweep::steps(&self.frames, lines, columns, empty_column, params.block_size()),
+            steps: sweep::steps(&self.frames, lines, columns, empty_column, block_size),
             blocks,
             kept,
             masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
             availability: &mut self.availability,
             fused: cast_mut(self.sums.fused),
+            joint: &self.joint,
             out,
         };
         self.isa.compiled(sweep);

@@ -8,12 +8,12 @@ use bytemuck::Pod;
 use super::{
     Dsp, VECTOR,
     fuse::{self, Costs},
-    slide,
+    joint, slide,
     vector::{U16x8, U32x8},
     wide::{self, WideCosts},
 };
 use crate::kernel::{
-    blocks::{Blocks, fuse_loop, fuse_masked_loop},
+    blocks::{Blocks, fuse_loop, fuse_masked_loop, slide_jointly_loop},
     isa::{Block, Isa},
     rule::Rule,
     steps::{RawStep, Steps},
@@ -160,6 +160,37 @@ impl Blocks<u16> for Dsp {
     #[inline(always)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 4]; V]]) {
         slide_blocks(steps, blocks);
+    }
+
+    fn sums_jointly(vectors: usize) -> bool {
+        vectors == 2 || vectors > 0 && vectors.is_multiple_of(joint::MOST_UNROLLED)
+    }
+
+    #[inline(always)]
+    fn slide_jointly<const V: usize>(
+        self,
+        steps: &mut Steps<'_, Self, V>,
+        leaving: Option<&[[u32; 4]]>,
+        sums: &mut [[u32; 4]],
+    ) -> (u16, u16) {
+        if const { V > 4 } {
+            return slide_jointly_loop(self, steps, leaving, sums);
+        }
+        let vectors = steps.vectors();
+        let fits = vectors == sums.len() && leaving.is_none_or(|leaving| leaving.len() >= vectors);
+        if !fits || !<Dsp as Blocks<u16>>::sums_jointly(vectors) {
+            return slide_jointly_loop(self, steps, leaving, sums);
+        }
+        let Some(mut step) = steps.next_raw() else { return (u16::MAX, u16::MAX) };
+        step.leaving = leaving.map_or(step.leaving, <[_]>::as_ptr);
+        // SAFETY: the step has as many vectors as there are sums: two, or a multiple of what is unrolled, not 0. As many leave.
+        let (least, greatest) = unsafe {
+            match vectors {
+                2 => joint::slide_jointly::<V, 2>(step, sums),
+                _ => joint::slide_jointly::<V, { joint::MOST_UNROLLED }>(step, sums),
+            }
+        };
+        (lesser_half(least), (greatest as u16).max((greatest >> 16) as u16))
     }
 
     #[inline(always)]

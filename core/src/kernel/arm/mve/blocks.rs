@@ -5,7 +5,7 @@ use core::arch::asm;
 
 use super::{Mve, VECTOR, fuse, slide};
 use crate::kernel::{
-    blocks::{Blocks, fuse_loop, fuse_masked_loop},
+    blocks::{Blocks, fuse_loop, fuse_masked_loop, slide_jointly_loop},
     isa::Lane,
     rule::Rule,
     steps::Steps,
@@ -179,6 +179,36 @@ impl Blocks<u16> for Mve {
     #[inline(never)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u16; 8]; V]]) {
         slide_along(steps, blocks);
+    }
+
+    fn sums_jointly(vectors: usize) -> bool {
+        matches!(vectors, 2 | 4)
+    }
+
+    #[inline(always)]
+    fn slide_jointly<const V: usize>(
+        self,
+        steps: &mut Steps<'_, Self, V>,
+        leaving: Option<&[[u16; 8]]>,
+        sums: &mut [[u16; 8]],
+    ) -> (u16, u16) {
+        if const { V > 4 } {
+            return slide_jointly_loop(self, steps, leaving, sums);
+        }
+        let vectors = steps.vectors();
+        let fits = vectors == sums.len() && leaving.is_none_or(|leaving| leaving.len() >= vectors);
+        if !fits || !<Mve as Blocks<u16>>::sums_jointly(vectors) {
+            return slide_jointly_loop(self, steps, leaving, sums);
+        }
+        let Some(mut step) = steps.next_raw() else { return (u16::MAX, u16::MAX) };
+        step.leaving = leaving.map_or(step.leaving, |leaving| leaving.as_ptr().cast());
+        // SAFETY: the step has as many vectors as there are sums, and as many leave.
+        unsafe {
+            match vectors {
+                2 => slide::slide_jointly::<V, 2>(step, sums),
+                _ => slide::slide_jointly::<V, 4>(step, sums),
+            }
+        }
     }
 
     #[inline(always)]

@@ -222,6 +222,82 @@ pub(super) unsafe fn slide<L: Lane, const V: usize>(step: RawStep<'_, Mve, V>, b
     }
 }
 
+/// [`Blocks::slide_jointly`](crate::kernel::Blocks::slide_jointly), with `N` vectors in a view: at most four. Returns the least sum and
+/// the greatest.
+///
+/// # Safety
+/// The step has as many vectors in a view as there are sums: `N`. As many vectors leave. There are at most four views.
+#[inline(always)]
+pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(step: RawStep<'_, Mve, V>, sums: &mut [[u16; 8]]) -> (u16, u16) {
+    const { assert!(N <= 4) };
+    let RawStep { center, index, tracks, entering, leaving, .. } = step;
+    let (mut least, mut greatest) = (u32::from(u16::MAX), 0_u32);
+    // SAFETY: the step has samples of `V` views and sums of the first in that many vectors, and as many leave. Every register that
+    // changes is an output.
+    unsafe {
+        asm_up_to!(700 bytes,
+            "vdup.16 q2, r2",
+            "vdup.16 q3, r3",
+            ".irp k, 0, 1, 2, 3",
+            ".if \\k < {views}",
+            track!(),
+            ".irp j, 0, 1, 2, 3",
+            ".irp to, 4, 5, 6, 7",
+            ".if (\\j < {vectors}) && (\\to == \\j + 4)",
+            "vldrb.u16 q0, [r2, #(8 * \\j)]",
+            ".if \\k",
+            "vabd.u16 q0, q0, q2",
+            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            "vadd.i16 q\\to, q\\to, q0",
+            ".else",
+            "vabd.u16 q\\to, q0, q2",
+            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            ".endif",
+            "vabd.u16 q1, q1, q3",
+            "vsub.i16 q\\to, q\\to, q1",
+            ".endif",
+            ".endr",
+            ".endr",
+            ".endif",
+            ".endr",
+            "vmov.i16 q3, #0",
+            ".irp j, 0, 1, 2, 3",
+            ".irp to, 4, 5, 6, 7",
+            ".if (\\j < {vectors}) && (\\to == \\j + 4)",
+            "vldrh.u16 q0, [{column}, #(16 * \\j)]",
+            "vadd.i16 q\\to, q\\to, q0",
+            "vldrh.u16 q1, [{leaving_column}, #(16 * \\j)]",
+            "vsub.i16 q1, q\\to, q1",
+            "vldrh.u16 q0, [{sums}, #(16 * \\j)]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q\\to, [{column}, #(16 * \\j)]",
+            "vmax.u16 q3, q3, q0",
+            "vstrh.16 q0, [{sums}, #(16 * \\j)]",
+            "vminv.u16 {least}, q0",
+            ".endif",
+            ".endr",
+            ".endr",
+            "vmaxv.u16 {greatest}, q3";
+            index = in(reg) index,
+            tracks = inout(reg) tracks => _,
+            column = in(reg) entering,
+            leaving_column = in(reg) leaving,
+            sums = in(reg) sums.as_mut_ptr(),
+            least = inout(reg) least,
+            greatest = inout(reg) greatest,
+            // Loads that widen take their addresses from low registers.
+            inout("r2") u32::from(center.entering) => _,
+            inout("r3") u32::from(center.leaving) => _,
+            out("r4") _,
+            out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _, out("q6") _, out("q7") _,
+            views = const V,
+            vectors = const N,
+            options(nostack),
+        );
+    }
+    (least as u16, greatest as u16)
+}
+
 /// True if the loops that fuse are made for a step: the minimum of four views, and four vectors of each.
 #[inline(always)]
 pub(super) fn suits<const V: usize>(

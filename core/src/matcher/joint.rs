@@ -118,7 +118,11 @@ impl WideSums {
         for (sum, lane) in self.sums.iter_mut().zip(lanes) {
             let lane = lane.widen();
             // A sum grows or shrinks by less than half of what a lane of 16 bits has room for. Wider lanes do not wrap.
-            *sum = if were_followed { sum.wrapping_add_signed((lane as u16).wrapping_sub(*sum as u16).cast_signed().into()) } else { lane };
+            *sum = if were_followed {
+                sum.wrapping_add_signed((lane as u16).wrapping_sub(*sum as u16).cast_signed().into())
+            } else {
+                lane
+            };
             self.are_followed |= *sum > self.limit;
         }
         were_followed || self.are_followed

@@ -379,11 +379,8 @@ impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
             self.frames.read_rest(source, params, self.line)?;
         }
         if JointSums::suit::<L, I, P, V>(&self.params) {
-            let pixels = if out.takes_joint_sums() {
-                JointSums::pixels_of(params, &self.region, &self.availability, v)
-            } else {
-                0..0
-            };
+            let pixels =
+                if out.takes_joint_sums() { JointSums::pixels_of(params, &self.region, &self.availability, v) } else { 0..0 };
             if pixels != self.joint.pixels {
                 if !self.joint.pixels.is_empty() {
                     cast_mut::<_, u16>(columns).fill(I::bias((v - self.region.rows().start) as u32));

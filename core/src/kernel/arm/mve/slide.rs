@@ -228,7 +228,10 @@ pub(super) unsafe fn slide<L: Lane, const V: usize>(step: RawStep<'_, Mve, V>, b
 /// # Safety
 /// The step has as many vectors in a view as there are sums: `N`. As many vectors leave. There are at most four views.
 #[inline(always)]
-pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(step: RawStep<'_, Mve, V>, sums: &mut [[u16; 8]]) -> (u16, u16) {
+pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(
+    step: RawStep<'_, Mve, V>,
+    sums: &mut [[u16; 8]],
+) -> (u16, u16) {
     const { assert!(N <= 4) };
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
     let (mut least, mut greatest) = (u32::from(u16::MAX), 0_u32);

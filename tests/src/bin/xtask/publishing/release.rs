@@ -1,5 +1,5 @@
 //! Archives of the program: a tar file for any Linux, and a package for Debian. Both have the manual and the completions of
-//! shells.
+//! shells. Wheels of the Python package, for the processors of most machines.
 //!
 //! The same commit and compiler give the same bytes: paths of this machine are left out, files are sorted, and their date is
 //! that of the commit.
@@ -17,6 +17,7 @@ use serde_json::Value;
 use crate::{
     system::{self, built, built_program, command, read, run},
     tools,
+    workspace_checks::python_package,
 };
 
 const NAME: &str = concat!("multiscopic-", env!("CARGO_PKG_VERSION"));
@@ -30,6 +31,9 @@ const COMPLETIONS: [(&str, &str); 3] = [
     ("fish", "share/fish/vendor_completions.d/multiscopic.fish"),
 ];
 
+/// The targets of wheels: they are built on any Linux.
+const WHEELS: [&str; 2] = ["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"];
+
 /// The making of a release.
 #[derive(Args)]
 pub struct Release {
@@ -42,15 +46,20 @@ impl Release {
     /// Builds twice.
     pub const TWICE: Release = Release { twice: true };
 
-    /// Makes the archives in `target/publish`, with their checksums.
+    /// Makes the archives and the wheels in `target/publish`, with their checksums.
     pub fn run(&self) -> Result<()> {
-        let archives = archives(&program("release-build")?, "publish")?;
+        let mut archives = archives(&program("release-build")?, "publish")?;
         if self.twice {
             // Paths of another length would move what follows them.
             same(&archives, &self::archives(&program("release-build-in-another-folder")?, "publish-again")?)?;
             println!("release: built twice, the same bytes");
         }
         let folder = system::target().join("publish");
+        if cfg!(target_os = "linux") {
+            WHEELS.iter().try_for_each(|target| python_package::build_wheel(target, &folder))?;
+            let files = fs::read_dir(&folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+            archives.extend(files.into_iter().filter(|path| path.extension().is_some_and(|end| end == "whl")));
+        }
         let names = archives.iter().filter_map(|path| path.file_name()?.to_str());
         let sums = read(command("sha256sum", names).current_dir(&folder))?;
         fs::write(folder.join("SHA256SUMS"), sums.clone() + "\n")?;

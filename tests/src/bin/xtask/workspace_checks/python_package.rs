@@ -1,7 +1,7 @@
 //! Builds the Python package, and tests what pip installs: against the program, its documentation and its notebook.
 
 use std::{
-    fs,
+    env, fs,
     path::{Path, PathBuf},
     process::Command,
 };
@@ -10,11 +10,13 @@ use anyhow::{Context, Result};
 
 use crate::{
     system::{self, built_extension, built_program, command, run},
-    tools,
+    tools::{self, Toolchain},
 };
 
-/// The versions of what builds and tests it, with their checksums, as `uv pip compile --universal --generate-hashes` writes them.
+/// The versions of what tests it, with their checksums, as `uv pip compile --universal --generate-hashes` writes them.
 const REQUIREMENTS: &str = "python/requirements.txt";
+/// The same of what builds wheels.
+const RELEASE_REQUIREMENTS: &str = "python/release-requirements.txt";
 
 /// A virtual environment.
 pub struct PythonEnvironment {
@@ -48,21 +50,33 @@ pub fn test_extension() -> Result<()> {
 
 /// Builds the wheel by maturin, and tests what pip installs from it.
 pub fn test_wheel() -> Result<()> {
-    let wheels = wheels()?;
     let environment = PythonEnvironment::install("environment", REQUIREMENTS)?;
-    environment.install_package(&wheels)?;
+    environment.install_package(&wheels()?)?;
     run(&mut environment.tests()?)
 }
 
-/// Builds the wheel, and returns the folder that it is in.
+/// Builds the wheel for this machine, and returns the folder that it is in.
 pub fn wheels() -> Result<PathBuf> {
-    let environment = PythonEnvironment::install("environment", REQUIREMENTS)?;
     let wheels = folder().join("wheels");
     let _ = fs::remove_dir_all(&wheels);
-    let python = environment.program("python");
-    let build = ["build", "--release", "--locked", "--quiet", "--manifest-path", "python/Cargo.toml", "--interpreter", &python];
-    run(command(&environment.program("maturin"), build).arg("--out").arg(&wheels))?;
+    build_wheel(&tools::host_target()?, &wheels)?;
     Ok(wheels)
+}
+
+/// Builds the wheel for a target into a folder. That for Linux asks for no newer C library than that of 2014, against which zig
+/// links it, so that pip installs it on every distribution in use.
+pub fn build_wheel(target: &str, folder: &Path) -> Result<()> {
+    let toolchain = Toolchain::install(&[target])?;
+    let environment = PythonEnvironment::install("release-environment", RELEASE_REQUIREMENTS)?;
+    let build = ["build", "--release", "--locked", "--quiet", "--manifest-path", "python/Cargo.toml", "--target", target];
+    let mut maturin = command(&environment.program("maturin"), build);
+    if target.contains("linux") {
+        maturin.args(["--zig", "--compatibility", "manylinux2014"]);
+    }
+    // It looks for zig in the environment that is active.
+    let programs = environment.folder.join("bin");
+    let path = env::join_paths([programs].into_iter().chain(env::split_paths(&env::var_os("PATH").unwrap_or_default())))?;
+    run(toolchain.set_for(&mut maturin).env("PATH", path).arg("--out").arg(folder))
 }
 
 /// The folder of environments and wheels.

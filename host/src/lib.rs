@@ -25,7 +25,7 @@
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: pictures, maps of numbers, PLY, `rig.toml`; whole files or none |
 //! | [`lens`] | lens distortion, the calibration files that describe it, and images without it |
-//! | `calibration` | calibration of lenses from images of a printed board |
+//! | `calibration` | calibration of lenses, and of their places on the tools of arms, from images of a printed board |
 //! | `scene` | ray-traced scenes with known depth |
 //! | [`capture`] | cameras, the stages that move them, and the capture that runs both |
 //! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |

@@ -3,7 +3,7 @@
 use multiscopic_core::{Frame, SearchSpace};
 
 use crate::{
-    alignment::{Alignment, Inspection},
+    alignment::{Alignment, Inspection, Tolerance},
     error::{Result, Warning},
     images::{DisparityMap, FloatImage, Frames, Geometry, ImageRegion},
     stereo::Method,
@@ -92,13 +92,14 @@ impl MatchSetup {
     }
 
     /// Rectifies `frames`, and the principal point of their geometry with them, and evens out their brightness. `rectified`
-    /// gives the frames as an alignment rectifies them.
+    /// gives the frames as an alignment rectifies them, and `tolerance` how far the views of a calibrated rig may be off.
     ///
     /// # Errors
-    /// Those of [`new`](MatchSetup::new), of [`Alignment::estimate`] and of `rectified`.
+    /// Those of [`new`](MatchSetup::new), of [`Alignment::estimate_within`] and of `rectified`.
     pub fn rectifying(
         frames: &mut Frames,
         geometry: &mut Option<Geometry>,
+        tolerance: Option<Tolerance>,
         range_source: RangeSource,
         search: impl Fn((i16, u16)) -> Result<SearchSpace>,
         rectified: impl FnOnce(&Alignment) -> Result<Frames>,
@@ -106,7 +107,7 @@ impl MatchSetup {
         // Mismatches far beyond what the images show would mislead the alignment.
         let sought = if range_source == RangeSource::Paper { RangeSource::Images } else { range_source };
         let before = MatchSetup::of_inspection(Inspection::of(frames), sought, &search)?;
-        let alignment = Alignment::estimate(frames, &before.search, geometry.as_ref())?;
+        let alignment = Alignment::estimate_within(frames, &before.search, geometry.as_ref(), tolerance)?;
         *frames = rectified(&alignment)?;
         if let Some(geometry) = geometry {
             geometry.principal_point = alignment.principal_point(geometry.principal_point);

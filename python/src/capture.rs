@@ -4,6 +4,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use multiscopic::{
     Alignment, DisparityMap, Error, Frames, Inspection, MatchSetup, Picture, Result,
+    alignment::Tolerance,
     images::BitDepth,
     lens::{LensFile, Undistortion},
     stereo::confidence_map::{self, ConfidenceMap},
@@ -31,6 +32,8 @@ pub struct Capture {
     undistortion: Option<Undistortion>,
     /// The camera, as far as it is known.
     camera: KnownCamera,
+    /// How far the views may be off, if the rig is calibrated.
+    tolerance: Option<Tolerance>,
 }
 
 impl Capture {
@@ -75,7 +78,7 @@ impl Capture {
             }
             pictures.push((Frame::View(view), picture));
         }
-        Ok(Capture { pictures, undistortion: None, camera })
+        Ok(Capture { pictures, undistortion: None, camera, tolerance: None })
     }
 
     /// The frames without distortion.
@@ -88,7 +91,7 @@ impl Capture {
         self.pictures.iter().map(move |(frame, picture)| {
             let ideal = match (alignment, &self.undistortion) {
                 (Some(alignment), undistortion) => alignment.rectified(*frame, picture.clone(), undistortion.as_ref()),
-                (None, Some(undistortion)) => undistortion.picture(picture),
+                (None, Some(undistortion)) => undistortion.picture(*frame, picture),
                 (None, None) => picture.clone(),
             };
             (*frame, ideal)
@@ -131,7 +134,7 @@ impl Capture {
             return MatchSetup::new(frames, source, search);
         }
         options.check_alignment(frames)?;
-        let setup = MatchSetup::rectifying(frames, &mut self.camera.geometry(), source, search, |alignment| {
+        let setup = MatchSetup::rectifying(frames, &mut self.camera.geometry(), self.tolerance, source, search, |alignment| {
             Ok(Frames::of_pictures(self.ideal(Some(alignment)).collect()).expect("the centre is among them"))
         })?;
         if let Some(alignment) = &setup.alignment {
@@ -165,13 +168,14 @@ impl Rig {
         let mut images = self.rig.images.within(&self.directory);
         images.bits = depth.map_or_else(|| images.depth(limits()), |depth| Ok(Some(depth)))?;
         let mut pictures = Vec::new();
-        let (frames, _) = Frames::load_each(&images, limits(), |picture| {
+        let (frames, _) = Frames::load_each(&images, limits(), |_, picture| {
             pictures.push(picture.clone());
             Ok(None)
         })?;
         let order = [Frame::Center].into_iter().chain(images.views().iter().map(Frame::View));
         let undistortion = self.lens.as_ref().map(|lens| lens.undistortion(frames.size())).transpose()?;
-        Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera: self.camera(frames.size())? })
+        let (camera, tolerance) = (self.camera(frames.size())?, Tolerance::of_rig(&self.rig));
+        Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera, tolerance })
     }
 
     /// Returns what is known of the camera, whose undistorted images have this size. The rig's focal length comes first, and the

@@ -138,6 +138,7 @@ pub fn align<'py>(
         MatchSetup::rectifying(
             &mut frames,
             &mut geometry,
+            None,
             RangeSource::Paper,
             |range| options.search(&unaligned, range),
             |alignment| {

@@ -19,7 +19,7 @@ use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
 use super::{
     adjustment::{LEN, POSITION, Point, ROTATION, SCALE, SHIFT},
     inspection::{Inspection, suspicion},
-    selection::{Group, Selection},
+    selection::{Group, Selection, Tolerance},
     tracking::{Match, Pyramid, RADIUS, corners, find, find_again, keep_consensus},
     view_geometry::{Direction, EpipolarError, Map, Pinhole, ViewModel, common_rotation, common_rotation_with_deviation},
 };
@@ -44,6 +44,8 @@ const MIN_TURN_AWAY: f64 = 0.005;
 /// The least effect of the rotation between camera and stage that is corrected, in pixels: small ones are not told from
 /// errors of the lens.
 const MIN_EFFECT_PX: f64 = 0.25;
+/// The angle of a calibrated mount that is proven to be wrong, in standard deviations.
+const SIGNIFICANT: f64 = 3.0;
 /// The largest angle between a view's place and where its name says, in degrees: mounts are straighter.
 const MAX_ANGLE_DEG: f64 = 15.0;
 /// The standard deviation of the camera's roll against the stage from which on the images do not show it, in degrees.
@@ -105,6 +107,20 @@ impl Alignment {
     /// [`Error::Alignment`](crate::Error::Alignment) if a view has too few corners in common with the centre, or seems to be
     /// another one, or stands far from where its name says.
     pub fn estimate(frames: &Frames, search: &SearchSpace, geometry: Option<&Geometry>) -> Result<Alignment> {
+        Alignment::estimate_within(frames, search, geometry, None)
+    }
+
+    /// Estimates what is left of the misalignment of a calibrated rig, within a `tolerance`: else as
+    /// [`estimate`](Alignment::estimate).
+    ///
+    /// # Errors
+    /// Those of [`estimate`](Alignment::estimate).
+    pub fn estimate_within(
+        frames: &Frames,
+        search: &SearchSpace,
+        geometry: Option<&Geometry>,
+        tolerance: Option<Tolerance>,
+    ) -> Result<Alignment> {
         let size = frames.size();
         let source = geometry.map_or_else(
             || Pinhole {
@@ -133,7 +149,7 @@ impl Alignment {
         }
         let pixel = 1.0 / source.focal_px;
         let rough_points = points(&source, &corners, &matches);
-        let rough = Selection::of(&views, &rough_points, pixel).ok_or(AlignmentError::Undetermined)?.adjustment;
+        let rough = Selection::of(&views, &rough_points, pixel, tolerance).ok_or(AlignmentError::Undetermined)?.adjustment;
         // Turned and scaled like the centre, views show corners more precisely.
         for (k, (&view, found)) in views.iter().zip(&mut matches).enumerate() {
             let model = rough.models[k];
@@ -148,29 +164,34 @@ impl Alignment {
             *found = find_again([center.0, neighbor], &corners, view, &expected, |pixel| map.at(pixel));
         }
         let points = points(&source, &corners, &matches);
-        let selection = Selection::of(&views, &points, pixel).ok_or(AlignmentError::Undetermined)?;
+        let selection = Selection::of(&views, &points, pixel, tolerance).ok_or(AlignmentError::Undetermined)?;
         let adjustment = &selection.adjustment;
         let nominal = |view: View| Vector3::new(view.right().into(), view.down().into(), 0.0);
         let positions: Vec<_> =
             adjustment.models.iter().zip(&views).map(|(model, &view)| (model.position, nominal(view))).collect();
         positions.iter().zip(&views).try_for_each(|(&(position, nominal), &view)| check_place(view, position, nominal))?;
-        let common = significant_rotation(&positions, &source, size, search.max_disparity());
-        // The rectified frames show the same part of the scene: what the centre shows in its middle stays there.
-        let middle = size.map(|side| (side as f64 - 1.0) / 2.0);
-        let turned = common * source.ray(middle);
-        let principal_point = [0, 1].map(|axis| middle[axis] - source.focal_px * turned[axis] / turned.z);
-        let target = Pinhole { principal_point, ..source };
         let nominals: Vec<Vector3<f64>> = positions.iter().map(|(_, nominal)| *nominal).collect();
         let of_common = |models: &[ViewModel]| common_rotation_with_deviation(models, &selection.covariance, &nominals);
         let ([likely, found], deviations) = {
             let (found, deviations) = of_common(&adjustment.models);
             ([of_common(&selection.likely).0, found], deviations)
         };
+        let deviations = [0, 1, 2].map(|axis| deviations[axis].hypot(likely[axis] - found[axis]));
+        let is_proven = |mount: f64| (0..3).any(|k| found[k].abs() > SIGNIFICANT * deviations[k].hypot(mount.to_degrees()));
+        let common = match tolerance {
+            Some(Tolerance { mount, .. }) if !is_proven(mount) => Rotation3::identity(),
+            _ => significant_rotation(&positions, &source, size, search.max_disparity()),
+        };
+        // The rectified frames show the same part of the scene: what the centre shows in its middle stays there.
+        let middle = size.map(|side| (side as f64 - 1.0) / 2.0);
+        let turned = common * source.ray(middle);
+        let principal_point = [0, 1].map(|axis| middle[axis] - source.focal_px * turned[axis] / turned.z);
+        let target = Pinhole { principal_point, ..source };
         let mut alignment = Alignment {
             views: BTreeMap::new(),
             errors: BTreeMap::new(),
             common,
-            common_deviation_deg: [0, 1, 2].map(|axis| deviations[axis].hypot(likely[axis] - found[axis])),
+            common_deviation_deg: deviations,
             source,
             target,
             size,
@@ -375,6 +396,11 @@ impl Alignment {
         Some(Map { source: self.source, rectified: self.target, matrix: matrix * self.common.inverse() })
     }
 
+    /// From the rays of rectified frames to those of the centre.
+    pub(crate) fn to_center(&self) -> Rotation3<f64> {
+        self.common.inverse()
+    }
+
     /// The frames, rectified and with their brightness corrected. Where views are off their places, they show what is on a
     /// plane through the scene as if they were not; what is before or behind it stays off in proportion.
     pub fn compensate(&self, frames: &Frames) -> Frames {
@@ -401,14 +427,14 @@ impl Alignment {
         let map = self.map(frame).filter(|map| !map.is_negligible([width as usize, height as usize]));
         if map.is_none() && gain == 1.0 {
             return match undistortion {
-                Some(undistortion) => undistortion.picture(&picture),
+                Some(undistortion) => undistortion.picture(frame, &picture),
                 None => picture,
             };
         }
         let place = |pixel: [usize; 2]| {
             let pixel = pixel.map(|at| at as f64);
             let ideal = map.map_or(pixel, |map| map.at(pixel));
-            undistortion.map_or(Some(ideal), |undistortion| undistortion.place_of(ideal))
+            undistortion.map_or(Some(ideal), |undistortion| undistortion.place_of(frame, ideal))
         };
         picture.resampled(place, gain)
     }

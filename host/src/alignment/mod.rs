@@ -14,7 +14,7 @@
 //! | `tracking` | corners of the centre, found in a view by images at descending sizes, and the matches that agree |
 //! | `view_geometry` | the rotation of each view and that of all, the errors of matches: [`EpipolarError`], and homographies |
 //! | `adjustment` | bundle adjustment |
-//! | `selection` | the parameters that the images prove, and how certain they are |
+//! | `selection` | the parameters that the images prove, within a [`Tolerance`] if the rig is calibrated, and how certain they are |
 //! | `mounting` | the rotation of a camera against the stage that moves it: [`Mounting`] |
 //! | `inspection` | the properties of images before they are matched: [`Inspection`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
@@ -30,4 +30,5 @@ mod view_geometry;
 pub use estimate::Alignment;
 pub use inspection::Inspection;
 pub use mounting::Mounting;
+pub use selection::Tolerance;
 pub use view_geometry::{EpipolarError, across};

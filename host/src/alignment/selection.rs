@@ -13,19 +13,24 @@
 //! an imperfect lens. It is noticeable if it moves one match in twenty, or the nearest points, which may be few, by their lengths
 //! of baselines.
 
-use multiscopic_core::View;
+use multiscopic_core::{Frame, View};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::{
-    adjustment::{Adjustment, LEN, POSITION, Point, Prior, ROTATION, SCALE, SHIFT, Solver, shared_turn},
+    adjustment::{Adjustment, FIXED, LEN, POSITION, Point, Prior, ROTATION, SCALE, SHIFT, Solver, shared_turn},
     view_geometry::{Direction, ViewModel},
 };
-use crate::statistics::quantile;
+use crate::{files::Rig, statistics::quantile};
 
 /// The standard deviations of parameters that are free, as arms, slides and hands have them.
 const FREE: Prior =
     Prior { shift: 0.02, roll: 0.02, scale: 0.01, length: 0.05, turn: 0.02, direction: 0.05, ahead: 0.05, shared_turn: 0.02 };
+/// The standard deviations of poses that an arm has measured, and of the moves of usual stages, in millimetres and degrees.
+const MEASURED: [f64; 2] = [0.05, 0.01];
+const USUAL: [f64; 2] = [0.1, 0.05];
+/// The standard deviation of a calibrated mount about each axis, in degrees.
+const MOUNT_DEG: f64 = 0.05;
 /// The least Wald statistic of a group that is significant, for each of its parameters. Those of noise stay
 /// below it: see the tests.
 const SIGNIFICANT: f64 = 12.0;
@@ -42,6 +47,49 @@ const NOTICEABLE_GAIN: f64 = 0.95;
 /// Distortions that may explain the matches instead: the displacement at a focal length from the optical axis, in focal
 /// lengths.
 const DISTORTIONS: [f64; 8] = [-0.4, -0.25, -0.15, -0.08, -0.04, 0.04, 0.08, 0.15];
+
+/// How far the views of a calibrated rig may be from where they should be: standard deviations.
+///
+/// What the lens and the mount are is known then, and a stage moves the camera about as it should: alignment estimates what is left
+/// within these, and nothing else.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Of a view's turn about each axis, in radians.
+    pub turn: f64,
+    /// Of its place along each axis, in baselines.
+    pub position: f64,
+    /// Of the camera's turn against the stage about each axis, in radians.
+    pub mount: f64,
+}
+
+impl Tolerance {
+    /// The tolerance of a rig whose lens and mount are calibrated. `None` of others.
+    ///
+    /// Poses that a stage measured are off by less than stages are; the rig may know how well its own repeats.
+    pub fn of_rig(rig: &Rig) -> Option<Tolerance> {
+        let (Some(_), Some(_), Some(baseline_mm)) = (&rig.lens, rig.mount_rotation_deg, rig.baseline_mm) else { return None };
+        let is_measured = |view: View| rig.pose(Frame::View(view)).is_some_and(|pose| pose.measured.is_some());
+        let [mm, deg] = if rig.images.views().iter().all(is_measured) { MEASURED } else { USUAL };
+        let position = rig.capture.repeatability_mm.unwrap_or(mm) / baseline_mm;
+        Some(Tolerance { turn: deg.to_radians(), position, mount: MOUNT_DEG.to_radians() })
+    }
+
+    /// The deviations of parameters that are free. A lens that is calibrated neither shifts nor scales images.
+    fn free(self, views: usize) -> Prior {
+        let Tolerance { turn, position, .. } = self;
+        let shared_turn = turn / (views as f64).sqrt();
+        Prior {
+            shift: FIXED,
+            roll: turn,
+            scale: FIXED,
+            length: position,
+            turn,
+            direction: position,
+            ahead: position,
+            shared_turn,
+        }
+    }
+}
 
 /// Parameters of all views that are free together, in the order in which they are tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,17 +124,17 @@ impl Group {
     /// The groups that are easily taken for the others.
     const OTHERS: [Group; 4] = [Group::Turn, Group::SharedTurn, Group::Direction, Group::Ahead];
 
-    /// The prior with this group free.
-    fn freed(self, prior: Prior) -> Prior {
+    /// The prior with this group `free`.
+    fn freed(self, prior: Prior, free: Prior) -> Prior {
         match self {
-            Group::Shift => Prior { shift: FREE.shift, ..prior },
-            Group::Roll => Prior { roll: FREE.roll, ..prior },
-            Group::Scale => Prior { scale: FREE.scale, ..prior },
-            Group::Length => Prior { length: FREE.length, ..prior },
-            Group::Turn => Prior { turn: FREE.turn, ..prior },
-            Group::SharedTurn => Prior { shared_turn: FREE.shared_turn, turn: FREE.turn, ..prior },
-            Group::Direction => Prior { direction: FREE.direction, ..prior },
-            Group::Ahead => Prior { ahead: FREE.ahead, ..prior },
+            Group::Shift => Prior { shift: free.shift, ..prior },
+            Group::Roll => Prior { roll: free.roll, ..prior },
+            Group::Scale => Prior { scale: free.scale, ..prior },
+            Group::Length => Prior { length: free.length, ..prior },
+            Group::Turn => Prior { turn: free.turn, ..prior },
+            Group::SharedTurn => Prior { shared_turn: free.shared_turn, turn: free.turn, ..prior },
+            Group::Direction => Prior { direction: free.direction, ..prior },
+            Group::Ahead => Prior { ahead: free.ahead, ..prior },
         }
     }
 
@@ -142,20 +190,26 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// Adjusts the models of `views`. A pixel has `pixel` focal lengths.
+    /// Adjusts the models of `views`, within a tolerance if the rig is calibrated. A pixel has `pixel` focal lengths.
     ///
     /// If all views are turned towards their baselines alike, all disparities change by the same amount, and nothing else does
     /// but the perspective at the borders, which a lens distorts alike. So the turn must explain more than any lens, too. The
     /// epipolar errors of a single neighbour are too few to prove it: what noise may pass for moves all disparities by pixels.
-    pub fn of(views: &[View], points: &[Point], pixel: f64) -> Option<Selection> {
+    /// In a calibrated rig it is what the turns of single views within their tolerance have in common.
+    pub fn of(views: &[View], points: &[Point], pixel: f64, tolerance: Option<Tolerance>) -> Option<Selection> {
+        let most = tolerance.map_or(FREE, |tolerance| tolerance.free(views.len()));
+        let nominal = match tolerance {
+            Some(_) => Prior { shared_turn: most.shared_turn, ..Prior::NOMINAL },
+            None => Prior::NOMINAL,
+        };
         let solver = |free: &[Group]| {
-            let prior = free.iter().fold(Prior::NOMINAL, |prior, group| group.freed(prior));
+            let prior = free.iter().fold(nominal, |prior, group| group.freed(prior, most));
             Solver { views, points, pixel, prior }
         };
         let (mut proven, mut looks_distorted) = (Group::HARMLESS.to_vec(), false);
         let mut adjustment = solver(&proven).solve(None)?;
         for group in Group::OTHERS {
-            if group == Group::SharedTurn && views.len() == 1 {
+            if group == Group::SharedTurn && (views.len() == 1 || tolerance.is_some()) {
                 continue;
             }
             let with = [&proven[..], &[group]].concat();
@@ -183,7 +237,7 @@ impl Selection {
             }
         }
         // Views whose perspective shows that they are turned by different angles probably share a part of them.
-        let is_turned = proven.contains(&Group::Turn) && !proven.contains(&Group::Shift);
+        let is_turned = tolerance.is_none() && proven.contains(&Group::Turn) && !proven.contains(&Group::Shift);
         if is_turned && !looks_distorted && !proven.contains(&Group::SharedTurn) {
             let with = [&proven[..], &[Group::SharedTurn]].concat();
             let candidate = solver(&with).solve(Some(&adjustment));
@@ -286,7 +340,7 @@ mod tests {
                 Point { corner, ray, seen: models.iter().map(|model| Some(seen(model))).collect() }
             })
             .collect();
-        let found = Selection::of(&views, &points, 1e-4).unwrap().adjustment;
+        let found = Selection::of(&views, &points, 1e-4, None).unwrap().adjustment;
         for (found, model) in found.models.iter().zip(&models) {
             let [turn, scale] = [(found.rotation - model.rotation).norm(), (found.log_scale - model.log_scale).abs()];
             // A thirtieth of a pixel of a thousandth.
@@ -344,7 +398,7 @@ mod tests {
         let (mut inside, mut count, mut invented) = (0, 0, 0);
         for seed in 0..rigs {
             let (models, points) = made_up(&mut fastrand::Rng::with_seed(seed), &views);
-            let found = Selection::of(&views, &points, 1e-3).unwrap();
+            let found = Selection::of(&views, &points, 1e-3, None).unwrap();
             for (k, model) in models.iter().enumerate() {
                 let values = found.adjustment.models[k].to_array().into_iter().zip(model.to_array()).zip(found.deviations(k));
                 // Those that no constraint holds.

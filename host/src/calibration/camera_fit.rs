@@ -200,34 +200,22 @@ impl CameraFit {
         let turned = pose.rotation * Vector3::new(corner.board_mm[0], corner.board_mm[1], 0.0);
         let point = turned + pose.translation.vector;
         let direction = [point.x / point.z, point.y / point.z];
-        let lens = &self.camera.lens;
-        let distorted = lens.distort(direction)?;
-        let ([fx, fy], [u, v]) = (self.camera.focal_px, self.camera.pixel(direction)?);
+        let distorted = self.camera.lens.distort(direction)?;
+        let (pixel, by_point) = projection(&self.camera, &point)?;
         let mut by_camera = DMatrix::zeros(2, COEFFICIENTS + lenses.len());
         by_camera[(0, 0)] = distorted[0];
         by_camera[(1, 1)] = distorted[1];
         by_camera[(0, 2)] = 1.0;
         by_camera[(1, 3)] = 1.0;
-        // Beside the end of the lens model, one of the two may have no value.
-        let slope = |ahead: Option<[f64; 2]>, behind: Option<[f64; 2]>| {
-            let steps = f64::from(u8::from(ahead.is_some()) + u8::from(behind.is_some())).max(1.0);
-            let (ahead, behind) = (ahead.unwrap_or(distorted), behind.unwrap_or(distorted));
-            [fx * (ahead[0] - behind[0]) / (steps * STEP), fy * (ahead[1] - behind[1]) / (steps * STEP)]
-        };
         for (index, [ahead, behind]) in lenses.iter().enumerate() {
-            let slope = slope(ahead.distort(direction), behind.distort(direction));
-            by_camera.column_mut(COEFFICIENTS + index).copy_from_slice(&slope);
+            let slope = slope(&self.camera, distorted, [ahead.distort(direction), behind.distort(direction)]);
+            by_camera.column_mut(COEFFICIENTS + index).copy_from(&slope);
         }
-        let [x, y] = direction;
-        let by_x = slope(lens.distort([x + STEP, y]), lens.distort([x - STEP, y]));
-        let by_y = slope(lens.distort([x, y + STEP]), lens.distort([x, y - STEP]));
-        let by_direction = nalgebra::Matrix2::from_columns(&[by_x.into(), by_y.into()]);
-        let by_point = by_direction * Matrix2x3::new(1.0, 0.0, -x, 0.0, 1.0, -y) / point.z;
         let mut by_pose = SMatrix::<f64, 2, 6>::zeros();
         // A small rotation `w` moves the point by `w x turned`.
         by_pose.fixed_view_mut::<2, 3>(0, 0).copy_from(&(by_point * -turned.cross_matrix()));
         by_pose.fixed_view_mut::<2, 3>(0, 3).copy_from(&(by_point * Matrix3::identity()));
-        Some(Row { residual: Vector2::new(corner.pixel[0] - u, corner.pixel[1] - v), by_camera, by_pose })
+        Some(Row { residual: Vector2::from(corner.pixel) - pixel, by_camera, by_pose })
     }
 }
 
@@ -254,6 +242,27 @@ impl Normal {
         let poses = self.images.iter().map(pose).collect::<Option<_>>()?;
         Some((camera, poses))
     }
+}
+
+/// The pixel at which a camera sees a point before it, and the derivatives by the point. `None` beyond the lens model.
+pub fn projection(camera: &CameraModel, point: &Vector3<f64>) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
+    let [x, y] = [point.x / point.z, point.y / point.z];
+    let distorted = camera.lens.distort([x, y])?;
+    let varied = |x: f64, y: f64| camera.lens.distort([x, y]);
+    let by_x = slope(camera, distorted, [varied(x + STEP, y), varied(x - STEP, y)]);
+    let by_y = slope(camera, distorted, [varied(x, y + STEP), varied(x, y - STEP)]);
+    let by_direction = nalgebra::Matrix2::from_columns(&[by_x, by_y]);
+    let by_point = by_direction * Matrix2x3::new(1.0, 0.0, -x, 0.0, 1.0, -y) / point.z;
+    let pixel = camera.pixel([x, y]).filter(|_| point.z > 0.0)?;
+    Some((pixel.into(), by_point))
+}
+
+/// The slope of a pixel, by what the lens makes of a step ahead and a step behind. Beside the end of its model, one of the two may
+/// have no value, and what it makes of no step counts.
+fn slope(camera: &CameraModel, distorted: [f64; 2], [ahead, behind]: [Option<[f64; 2]>; 2]) -> Vector2<f64> {
+    let steps = f64::from(u8::from(ahead.is_some()) + u8::from(behind.is_some())).max(1.0);
+    let (ahead, behind, [fx, fy]) = (ahead.unwrap_or(distorted), behind.unwrap_or(distorted), camera.focal_px);
+    Vector2::new(fx * (ahead[0] - behind[0]), fy * (ahead[1] - behind[1])) / (steps * STEP)
 }
 
 /// A matrix with a larger diagonal (Marquardt, 1963).

@@ -61,7 +61,7 @@ impl DatasetScene {
     /// is known.
     pub fn load(&self, views: Views, limits: Limits) -> Result<(Frames, Picture, FloatImage)> {
         let images = self.images(views);
-        let (frames, center) = Frames::load_each(&images, limits, |_| Ok(None))?;
+        let (frames, center) = Frames::load_each(&images, limits, |_, _| Ok(None))?;
         let path = self.truth();
         let truth = read_truth(self.dataset, &path, limits)?;
         MatchedImages { center: &images.center, size: frames.size(), seen: None }.check_size(&path, &truth)?;

@@ -142,7 +142,7 @@ impl Frames {
     /// [`Error::Read`], or [`Error::Format`] if a file is not a picture, a sample is above the maximum of the depth, or a
     /// neighbour and the centre differ in size, after they were turned as their EXIF orientations say.
     pub fn load(files: &FrameFiles) -> Result<(Frames, Picture)> {
-        Frames::load_each(files, Limits::DEFAULT, |_| Ok(None))
+        Frames::load_each(files, Limits::DEFAULT, |_, _| Ok(None))
     }
 
     /// Reads the frames of a capture, as [`load`](Frames::load) does, of a size within `limits`. `f` may replace each picture
@@ -154,11 +154,11 @@ impl Frames {
     pub fn load_each(
         files: &FrameFiles,
         limits: Limits,
-        mut f: impl FnMut(&Picture) -> Result<Option<Picture>>,
+        mut f: impl FnMut(Frame, &Picture) -> Result<Option<Picture>>,
     ) -> Result<(Frames, Picture)> {
         let depth = files.depth(limits)?;
         let center = Picture::read_within(&files.center, depth, limits)?;
-        let mut frames = Frames::of_picture(f(&center)?.unwrap_or_else(|| center.clone()));
+        let mut frames = Frames::of_picture(f(Frame::Center, &center)?.unwrap_or_else(|| center.clone()));
         for view in files.views().iter() {
             let Some(path) = files.get(Frame::View(view)) else { continue };
             let image = Picture::read_within(path, depth, limits)?;
@@ -170,7 +170,7 @@ impl Frames {
                     format!("{width}x{height} as in {}: use frames of one capture", files.center.display()),
                 ));
             }
-            frames = frames.with_picture(view, f(&image)?.unwrap_or(image));
+            frames = frames.with_picture(view, f(Frame::View(view), &image)?.unwrap_or(image));
         }
         Ok((frames, center))
     }

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use multiscopic_core::Frame;
 use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
 
-use super::{CameraModel, Lens, Mount};
+use super::{CameraModel, Lens, MeasuredViews, Mount};
 use crate::{
     error::{Error, Result},
     files::Rig,
@@ -21,8 +22,12 @@ pub struct LensFile {
     pub camera: CameraModel,
     /// The rotation of the camera against its stage.
     pub mount: Mount,
+    /// How the camera stood in each view.
+    pub views: MeasuredViews,
 }
 
+/// The shift of pixels by turns of the views below which frames of an ideal lens are left as they are: resampling would do more harm.
+const NEGLIGIBLE_PX: f64 = 0.05;
 /// The ratio of two focal lengths from which on they contradict each other.
 const CONTRADICTION: f64 = 1.01;
 
@@ -32,7 +37,8 @@ impl LensFile {
     /// # Errors
     /// Those of [`CameraModel::read`].
     pub fn read(path: &Path) -> Result<LensFile> {
-        Ok(LensFile { path: path.into(), camera: CameraModel::read(path)?, mount: Mount::SQUARE })
+        let (camera, views) = (CameraModel::read(path)?, MeasuredViews::default());
+        Ok(LensFile { path: path.into(), camera, mount: Mount::SQUARE, views })
     }
 
     /// Reads the calibration that the images of the `rig` in `directory` were taken with: its lens, or another one, and its
@@ -46,17 +52,18 @@ impl LensFile {
         Ok(LensFile::with_mount(lens, rig, &directory.join(Rig::FILE_NAME)))
     }
 
-    /// A lens together with the mount in the rig at `path`. `None` if the rig's images are ideal.
+    /// A lens together with the mount and the views in the rig at `path`. `None` if the rig's images are ideal.
     pub fn with_mount(lens: Option<LensFile>, rig: &Rig, path: &Path) -> Option<LensFile> {
-        let Some(rotation_deg) = rig.mount_rotation_deg else { return lens };
-        let mount = Mount { rotation_deg, ..Mount::SQUARE };
-        let pinhole = |(focal_px, principal_point)| {
-            let camera = CameraModel { size: None, focal_px: [focal_px; 2], principal_point, lens: Lens::IDEAL };
-            LensFile { path: path.into(), camera, mount }
-        };
+        let mount = Mount { rotation_deg: rig.mount_rotation_deg.unwrap_or_default(), ..Mount::SQUARE };
+        let views = MeasuredViews::of_rig(rig, None);
+        let turn_px = |focal_px: f64| views.largest_turn() * focal_px;
         match lens {
-            Some(lens) => Some(LensFile { mount, ..lens }),
-            None => rig.focal_px.zip(rig.principal_point).map(pinhole),
+            Some(lens) => Some(LensFile { mount, views, ..lens }),
+            None if rig.mount_rotation_deg.is_none() && rig.focal_px.is_none_or(|px| turn_px(px) < NEGLIGIBLE_PX) => None,
+            None => rig.focal_px.zip(rig.principal_point).map(|(focal_px, principal_point)| {
+                let camera = CameraModel { size: None, focal_px: [focal_px; 2], principal_point, lens: Lens::IDEAL };
+                LensFile { path: path.into(), camera, mount, views }
+            }),
         }
     }
 
@@ -66,7 +73,7 @@ impl LensFile {
     /// If the calibration is for another size.
     pub fn undistortion(&self, size: [usize; 2]) -> Result<Undistortion> {
         self.camera.check_size(&self.path, size)?;
-        Ok(Undistortion::new(&self.camera, &self.mount, size))
+        Ok(Undistortion { views: self.views.clone(), ..Undistortion::new(&self.camera, &self.mount, size) })
     }
 
     /// The focal length of undistorted images, in pixels.
@@ -86,7 +93,8 @@ impl LensFile {
     pub fn ideal_rig(&self, rig: Rig, size: [usize; 2]) -> Result<Rig> {
         self.check_focal(rig.focal_px, Rig::FILE_NAME)?;
         let (focal_px, principal_point) = (Some(self.focal_px()), Some(self.principal_point(size)));
-        Ok(Rig { lens: None, mount_rotation_deg: None, focal_px, principal_point, ..rig })
+        let (mount_roll_deg, poses) = (None, Default::default());
+        Ok(Rig { lens: None, mount_rotation_deg: None, mount_roll_deg, poses, focal_px, principal_point, ..rig })
     }
 
     /// Refuses a focal length in pixels, if there is one, that contradicts the calibration. `origin` is where it is from.
@@ -107,15 +115,16 @@ impl LensFile {
 }
 
 /// Turns the pictures of a camera into those of an ideal one: without distortion, square to its stage, with square pixels, of
-/// the same size and with the horizontal focal length `fx`. What the camera shows in the middle of its pictures stays there, so
+/// the same size and with the horizontal focal length `fx`; views that were turned against the centre are turned back. What the camera shows in the middle of its pictures stays there, so
 /// that the principal point is the same only if the camera is square to its stage.
 ///
 /// Ideal pixels lie between those of the picture and are interpolated by cubic convolution (Keys, 1981).
 #[derive(Clone, Debug)]
 pub struct Undistortion {
     projection: IdealProjection,
-    /// The place of each ideal pixel in the picture. `None` beyond the range of the lens model.
+    /// The place of each ideal pixel in the picture of the centre. `None` beyond the range of the lens model.
     places: Raster<Option<[f32; 2]>>,
+    views: MeasuredViews,
 }
 
 /// From the ideal camera to the real one.
@@ -149,16 +158,28 @@ impl Undistortion {
             place.map(|place| place.map(|coordinate| coordinate as f32))
         };
         let places = Raster::new(width, height, (0..width * height).into_par_iter().map(place).collect());
-        Undistortion { projection, places }
+        Undistortion { projection, places, views: MeasuredViews::default() }
     }
 
-    /// The place of a point of the ideal picture, which may lie between its pixels, in the picture, inside its borders or
+    /// The place of a point of a frame's ideal picture, which may lie between its pixels, in the picture, inside its borders or
     /// outside. `None` beyond the range of the lens model.
-    pub fn place_of(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
-        self.projection.place(pixel)
+    pub fn place_of(&self, frame: Frame, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        self.projection_of(frame).unwrap_or(self.projection).place(pixel)
     }
 
-    /// The place of an ideal pixel in the picture, which may be outside its borders. `None` beyond the range of the lens model.
+    /// The projection of a view that is turned.
+    fn projection_of(&self, frame: Frame) -> Option<IdealProjection> {
+        let Frame::View(view) = frame else { return None };
+        let turn = self.views.turn(view)?;
+        Some(IdealProjection { to_camera: turn * self.projection.to_camera, ..self.projection })
+    }
+
+    /// The rotation from the rays of the ideal camera to those of the camera in the centre.
+    pub(crate) fn to_camera(&self) -> Rotation3<f64> {
+        self.projection.to_camera
+    }
+
+    /// The place of an ideal pixel in the picture of the centre, which may be outside its borders. `None` beyond the range of the lens model.
     ///
     /// # Panics
     /// If it is outside the ideal picture.
@@ -166,15 +187,18 @@ impl Undistortion {
         self.places.get(u, v).map(|place| place.map(f64::from))
     }
 
-    /// The ideal picture. Pixels outside the picture repeat its border.
+    /// The ideal picture of a frame. Pixels outside the picture repeat its border.
     ///
     /// # Panics
     /// If the picture has another size.
-    pub fn picture(&self, picture: &Picture) -> Picture {
+    pub fn picture(&self, frame: Frame, picture: &Picture) -> Picture {
         let (width, height) = picture.dimensions();
         let size = [self.places.width(), self.places.height()];
         assert_eq!([width as usize, height as usize], size, "the size of the picture");
-        picture.resampled(|[u, v]| self.place(u, v), 1.0)
+        match self.projection_of(frame) {
+            Some(projection) => picture.resampled(|pixel| projection.place(pixel.map(|at| at as f64)), 1.0),
+            None => picture.resampled(|[u, v]| self.place(u, v), 1.0),
+        }
     }
 
     /// The ideal frames.
@@ -182,7 +206,9 @@ impl Undistortion {
     /// # Panics
     /// If the frames have another size.
     pub fn frames(&self, frames: &Frames) -> Frames {
-        frames.map(|picture| self.picture(picture))
+        let ideal = |frame| self.picture(frame, &frames.picture(frame).expect("it is one of the frames"));
+        let center = Frames::of_picture(ideal(Frame::Center));
+        frames.views().iter().fold(center, |of, view| of.with_picture(view, ideal(Frame::View(view))))
     }
 
     /// Marks the disparities of ideal pixels that lie outside the picture as invalid.
@@ -238,7 +264,7 @@ mod tests {
         let rgb = RgbImage::from_fn(40, 30, |u, v| Rgb([(6 * u) as u8, (8 * v) as u8, (u * v) as u8]));
         let gray = GrayImage::from_fn(40, 30, |u, v| Luma([(u * v) as u8]));
         for picture in [Picture::Rgb(rgb), Picture::Gray(gray)] {
-            assert_eq!(undistortion.picture(&picture), picture);
+            assert_eq!(undistortion.picture(Frame::Center, &picture), picture);
         }
     }
 

@@ -1,7 +1,7 @@
 //! Errors and warnings of the library as this program tells them: with the options that change what is wrong.
 
 #[cfg(feature = "calibration")]
-use multiscopic::calibration::{BoardMiss, LensCalibrationError};
+use multiscopic::calibration::{BoardMiss, HandEyeError, LensCalibrationError};
 use multiscopic::{
     DisparityMap, Error, Geometry, Inspection, MatchSetup,
     error::{MountingError, Warning},
@@ -109,6 +109,19 @@ pub fn lens_calibration(error: &LensCalibrationError) -> String {
             "a flat board with the right squares, or another model",
             "a flat board and the right --squares, or another --model",
         ),
+        _ => message,
+    }
+}
+
+/// The message for pictures that do not tell where a camera sits on a tool.
+#[cfg(feature = "calibration")]
+pub fn hand_eye(error: &HandEyeError) -> String {
+    let message = error.to_string();
+    match error {
+        HandEyeError::NoBoard { .. } => {
+            message.replace("check the lens and the squares of the board", "check --lens and --square")
+        }
+        HandEyeError::Contradiction { .. } => message.replace("the squares of the board, and", "--square, and"),
         _ => message,
     }
 }

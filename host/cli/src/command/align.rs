@@ -1,6 +1,7 @@
 //! `multiscopic align`: the misalignment of the views.
 
 use std::{
+    collections::BTreeMap,
     path::{Path, PathBuf},
     process::ExitCode,
 };
@@ -8,6 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::{
     Alignment, Error, Inspection, Result, Rig,
+    alignment::Tolerance,
     files::{FrameFiles, Residual, output},
     images::BitDepth,
 };
@@ -102,13 +104,16 @@ impl Align {
         let inspection = Inspection::of(&frames);
         let range = inspection.range.unwrap_or(SearchOptions::DEFAULT_RANGE);
         let search = self.search.search(frames.size(), frames.views(), None, range)?;
+        let tolerance = source.rig.as_ref().and_then(Tolerance::of_rig);
         let rig = match (source.rig.take(), &source.lens) {
             (Some(rig), Some(lens)) => Some(lens.ideal_rig(rig, frames.size())?),
-            (rig, _) => rig,
+            // Its images no longer are where the stage put them.
+            (Some(rig), None) => Some(Rig { poses: BTreeMap::new(), mount_roll_deg: None, ..rig }),
+            (None, _) => None,
         };
         let geometry = rig.as_ref().and_then(|rig| rig.geometry(frames.size()));
         check_alignment(&self.memory, &frames)?;
-        let alignment = Alignment::estimate(&frames, &search, geometry.as_ref());
+        let alignment = Alignment::estimate_within(&frames, &search, geometry.as_ref(), tolerance);
         // Nobody asked for the negative disparities that the images show.
         let asked = self.search.min_disparity.unwrap_or(0);
         let refuse_swapped = |inspection: &Inspection| inspection.refuse_swapped(asked);

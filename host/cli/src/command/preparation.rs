@@ -4,6 +4,7 @@ use std::path::Path;
 
 use multiscopic::{
     Alignment, DisparityMap, FloatImage, Frames, Geometry, Inspection, MatchSetup, RangeSource, Result,
+    alignment::Tolerance,
     files::{self, DisparityEncoding, MatchedImages, StoredDisparities},
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
@@ -38,7 +39,8 @@ pub fn prepare(
     }
     check_alignment(memory, frames)?;
     let rectified = |alignment: &_| source.rectified_frames(undistortion, alignment);
-    let setup = MatchSetup::rectifying(frames, geometry, range_source, search, rectified)?;
+    let tolerance = source.rig.as_ref().and_then(Tolerance::of_rig);
+    let setup = MatchSetup::rectifying(frames, geometry, tolerance, range_source, search, rectified)?;
     setup.alignment.iter().for_each(|alignment| terminal::say(&alignment.summary()));
     Ok(setup)
 }

@@ -94,7 +94,7 @@ impl Init {
         let files = images.within(directory);
         images.bits = depth_of(&self.bits, None, &files.paths().collect::<Vec<_>>())?;
         // Reading them all finds photos of different sizes now instead of later.
-        let (frames, _) = Frames::load_each(&images.within(directory), limits(), |_| Ok(None))?;
+        let (frames, _) = Frames::load_each(&images.within(directory), limits(), |_, _| Ok(None))?;
         let pair = self.calibration.as_deref().map(|path| self.pair(path, &frames)).transpose()?;
         let known = Rig::of_pair(pair.as_ref(), images);
         let rig = Rig {

@@ -5,6 +5,8 @@ mod board;
 #[cfg(feature = "calibration")]
 mod camera_session;
 #[cfg(feature = "calibration")]
+mod hand_eye;
+#[cfg(feature = "calibration")]
 mod lens;
 
 use std::{path::PathBuf, process::ExitCode};
@@ -25,7 +27,7 @@ use super::{
     terminal,
 };
 
-/// Calibrates the camera's lens, and how it is mounted on the stage
+/// Calibrates the camera's lens, how it is mounted on the stage, and where it sits on the tool of an arm
 #[derive(Clone, Debug, Args)]
 pub struct Calibrate {
     #[command(subcommand)]
@@ -38,6 +40,8 @@ enum Subject {
     Board(board::Board),
     #[cfg(feature = "calibration")]
     Lens(lens::LensCommand),
+    #[cfg(feature = "calibration")]
+    HandEye(hand_eye::HandEyeCommand),
     Mount(Box<MountCommand>),
 }
 
@@ -49,6 +53,8 @@ impl Calibrate {
             Subject::Board(command) => command.run(),
             #[cfg(feature = "calibration")]
             Subject::Lens(command) => command.run(),
+            #[cfg(feature = "calibration")]
+            Subject::HandEye(command) => command.run(),
             Subject::Mount(command) => command.run(),
         }
     }

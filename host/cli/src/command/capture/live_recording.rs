@@ -13,6 +13,7 @@ use multiscopic::{
     },
     stereo::MethodName,
 };
+use multiscopic_core::Frame;
 
 use super::recorder::Recorder;
 use crate::command::{
@@ -74,7 +75,7 @@ impl<'a> LiveRecording<'a> {
         let search = |range| self.search.search(size, views, None, range);
         let preparation = MatchSetup::new(&mut frames, RangeSource::Paper, search)?;
         let center = match &undistortion {
-            Some(undistortion) => undistortion.picture(&center),
+            Some(undistortion) => undistortion.picture(Frame::Center, &center),
             None => center,
         };
         let search = preparation.search;

@@ -14,7 +14,7 @@ use multiscopic::{
     capture::{Acquisition, SimulatedCamera, acquire_images},
     files::{FrameFiles, FramePose, Provenance, output},
     images::Transform,
-    lens::{LensFile, Mount, Undistortion},
+    lens::{LensFile, MeasuredViews, Mount, Undistortion},
 };
 use multiscopic_core::{
     Frame, Views,
@@ -94,7 +94,10 @@ impl Recorder {
             log.note(&advice::error(error));
         }
         let poses = poses.into_iter().map(|(frame, pose)| (frame.to_string(), pose)).collect();
-        let rig = Rig { poses, ..self.rig(&frames, date, (!notes.is_empty()).then(|| notes.join("\n"))) };
+        let mut rig = Rig { poses, ..self.rig(&frames, date, (!notes.is_empty()).then(|| notes.join("\n"))) };
+        // What was measured is nearer to the truth than what was asked for.
+        let measured_mm = MeasuredViews::of_rig(&rig, None).baseline_mm(&rig);
+        rig.baseline_mm = measured_mm.or(rig.baseline_mm);
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
         let simulated = self.hardware.simulated.as_ref();
         let truth = simulated.and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
@@ -122,7 +125,7 @@ impl Recorder {
             width,
             height,
             views: frames.views().iter().map(|view| view.to_string()).collect(),
-            baseline_mm: f64::from(self.baseline_um) / 1000.0,
+            baseline_mm: rig.baseline_mm.unwrap_or_default(),
             focal_px: self.focal_px,
             min_disparity,
             num_disparities,

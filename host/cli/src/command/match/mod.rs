@@ -162,7 +162,7 @@ impl Match {
         let prior = prior.map(|prior| DisparityMap::from_float(&prior));
         let center = outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {
             (Some(alignment), undistortion) => alignment.rectified(Frame::Center, center, undistortion.as_ref()),
-            (None, Some(undistortion)) => undistortion.picture(&center),
+            (None, Some(undistortion)) => undistortion.picture(Frame::Center, &center),
             (None, None) => center,
         });
 

@@ -117,14 +117,14 @@ impl Source {
     pub fn load(&mut self) -> Result<(Frames, Picture, Option<Undistortion>)> {
         self.images.bits = depth_of(&self.bits, self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
         let mut undistortion = None;
-        let (frames, center) = Frames::load_each(&self.images, limits(), |picture| {
+        let (frames, center) = Frames::load_each(&self.images, limits(), |frame, picture| {
             let shrunk = (self.shrink > 1).then(|| picture.shrunk(self.shrink));
             let (width, height) = shrunk.as_ref().unwrap_or(picture).dimensions();
             if let (None, Some(lens)) = (&undistortion, &self.lens) {
                 undistortion = Some(lens.undistortion([width as usize, height as usize])?);
             }
             match &undistortion {
-                Some(undistortion) => Ok(Some(undistortion.picture(shrunk.as_ref().unwrap_or(picture)))),
+                Some(undistortion) => Ok(Some(undistortion.picture(frame, shrunk.as_ref().unwrap_or(picture)))),
                 None => Ok(shrunk),
             }
         })?;
@@ -327,7 +327,11 @@ mod tests {
     use std::collections::BTreeMap;
 
     use image::GrayImage;
-    use multiscopic::{CameraModel, Lens, files::Provenance, lens::Mount};
+    use multiscopic::{
+        CameraModel, Lens,
+        files::Provenance,
+        lens::{MeasuredViews, Mount},
+    };
 
     use super::*;
 
@@ -364,7 +368,7 @@ mod tests {
         assert_eq!(given.geometry(None, None, &frames).unwrap(), Some(middle));
 
         let camera = CameraModel { size: None, focal_px: [503.0, 504.0], principal_point: [330.0, 250.0], lens: Lens::IDEAL };
-        let lens = LensFile { path: "camera.toml".into(), camera, mount: Mount::SQUARE };
+        let lens = LensFile { path: "camera.toml".into(), camera, mount: Mount::SQUARE, views: MeasuredViews::default() };
         let of_lens = Geometry { focal_px: 503.0, baseline_mm: 40.0, principal_point: [330.0, 250.0], doffs: 3.0 };
         assert_eq!(no_options.geometry(Some(&unknown), Some(&lens), &frames).unwrap(), Some(of_lens));
         let of_both = Geometry { focal_px: 500.0, ..of_lens };

@@ -21,10 +21,11 @@ pub struct Target {
 }
 
 /// Every target, sorted by name.
-pub const TARGETS: [Target; 13] = [
+pub const TARGETS: [Target; 14] = [
     Target { name: "block_matching", run: comparisons::block_matching },
     Target { name: "calibrations", run: readers::calibrations },
     Target { name: "camera_frames", run: readers::camera_frames },
+    Target { name: "commands", run: readers::commands },
     Target { name: "confidence", run: comparisons::confidence },
     Target { name: "gcode", run: readers::gcode },
     Target { name: "option_values", run: readers::option_values },

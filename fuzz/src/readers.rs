@@ -11,7 +11,7 @@ use std::{
     path::{Path, PathBuf},
     str::FromStr,
     sync::{
-        Mutex, OnceLock,
+        Arc, Mutex, OnceLock,
         mpsc::{SyncSender, sync_channel},
     },
     thread,
@@ -22,7 +22,7 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use multiscopic::{
     CameraModel, Dataset, Picture, Rig,
     capture::{
-        Accuracy, Imperfections,
+        Accuracy, Imperfections, SystemClock,
         camera::{FrameLayout, PixelFormat},
         stage::{self, Arm, ArmAddress, StageSpec},
     },
@@ -193,7 +193,25 @@ pub fn gcode(bytes: &[u8]) -> bool {
     let timeout = Duration::from_millis(20);
     let limits =
         stage::Limits { connect_timeout: timeout, silence_timeout: timeout, stall_timeout: timeout, ..stage::Limits::default() };
-    let Ok(mut stage) = stage::gcode::connect(Port(bytes.to_vec()), "port", &limits) else { return true };
+    if let Ok(stage) = stage::gcode::connect(Port(bytes.to_vec()), "port", &limits) {
+        exercise(stage);
+    }
+    true
+}
+
+/// Tries answers of a command that moves a stage.
+pub fn commands(bytes: &[u8]) -> bool {
+    let timeout = Duration::from_millis(20);
+    let limits = stage::Limits { connect_timeout: timeout, silence_timeout: timeout, ..stage::Limits::default() };
+    let port = Port(bytes.to_vec());
+    if let Ok(stage) = stage::exec::connect_with_clock(port, "command", &limits, Arc::new(SystemClock)) {
+        exercise(stage);
+    }
+    true
+}
+
+/// Sends a stage to a few places.
+fn exercise(mut stage: impl Stage) {
     if stage.move_to(Position { x_um: 20_000, y_um: -10_000 }).is_ok() {
         let _ = stage.has_arrived();
     }
@@ -201,7 +219,6 @@ pub fn gcode(bytes: &[u8]) -> bool {
         let _ = stage.move_to(position);
     }
     let _ = stage.stop();
-    true
 }
 
 /// A port that brings the input, in pieces of a few bytes, and is then unplugged.

@@ -50,6 +50,7 @@ tests!(
     block_matching,
     calibrations,
     camera_frames,
+    commands,
     confidence,
     gcode,
     option_values,

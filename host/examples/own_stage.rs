@@ -18,7 +18,7 @@ use std::{
 
 use image::{GrayImage, Luma};
 use multiscopic::{
-    Engine, Method,
+    Engine, Method, Picture,
     capture::{BlockingCamera, ThreadedCamera, acquire_images, stage::PosedStage},
 };
 use multiscopic_core::{
@@ -102,11 +102,12 @@ struct Eye {
 impl BlockingCamera for Eye {
     type Error = Infallible;
 
-    fn take(&mut self, _timeout: Duration, _is_cancelled: &AtomicBool) -> Result<GrayImage, Infallible> {
+    fn take(&mut self, _timeout: Duration, _is_cancelled: &AtomicBool) -> Result<Picture, Infallible> {
         let position = *self.place.lock().expect("the slide does not panic");
         let pixels = |um: i32| (f64::from(um) / 1000.0 * PX_PER_MM).round() as i64;
         let (right, down) = (pixels(position.x_um), pixels(position.y_um));
-        Ok(GrayImage::from_fn(96, 64, |u, v| Luma([texture(i64::from(u) + right, i64::from(v) + down)])))
+        let gray = GrayImage::from_fn(96, 64, |u, v| Luma([texture(i64::from(u) + right, i64::from(v) + down)]));
+        Ok(Picture::Gray(gray))
     }
 }
 

@@ -12,14 +12,17 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use image::GrayImage;
 use multiscopic_core::{
     Frame,
     capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence},
 };
 
 use super::{Clock, SystemClock, stage::PosedStage};
-use crate::{error::Error, files::FramePose, images::Frames};
+use crate::{
+    error::Error,
+    files::FramePose,
+    images::{Frames, Picture},
+};
 
 /// The interval at which the stage and the camera are polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
@@ -27,8 +30,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 /// All frames of a plan.
 #[derive(Debug)]
 pub struct Acquisition {
-    /// The frames, in the plan's order.
-    pub images: Vec<(Frame, GrayImage)>,
+    /// The frames, in the plan's order, in colour if the camera gives it.
+    pub images: Vec<(Frame, Picture)>,
     /// Where each of them was taken, as far as the stage measured it, and when.
     pub poses: Vec<(Frame, FramePose)>,
     /// The failure after the last frame. The stage may not be back at the centre.
@@ -36,21 +39,19 @@ pub struct Acquisition {
 }
 
 impl Acquisition {
-    /// The frames together.
+    /// The frames together, in colour if all of them are.
     ///
     /// # Panics
     /// If the plan has no centre.
-    pub fn frames(mut self) -> Frames {
-        let center = self.images.iter().position(|(frame, _)| *frame == Frame::Center).expect("the plan has a centre");
-        let (_, center) = self.images.swap_remove(center);
-        self.added_to(Frames::new(center))
+    pub fn frames(self) -> Frames {
+        Frames::of_pictures(self.images).expect("the plan has a centre")
     }
 
     /// These frames and the views that were taken.
     pub fn added_to(self, frames: Frames) -> Frames {
         self.images.into_iter().fold(frames, |frames, (frame, image)| match frame {
             Frame::Center => frames,
-            Frame::View(view) => frames.with(view, image),
+            Frame::View(view) => frames.with_picture(view, image),
         })
     }
 }
@@ -171,7 +172,7 @@ pub trait BlockingCamera: Sized {
     ///
     /// # Errors
     /// The picture could not be taken. The next call may succeed.
-    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, Self::Error>;
+    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, Self::Error>;
 }
 
 type OpenCamera<C> = Arc<dyn Fn() -> Result<C, <C as BlockingCamera>::Error> + Send + Sync>;
@@ -185,14 +186,14 @@ pub struct ThreadedCamera<C: BlockingCamera> {
     worker: Option<Worker<C::Error>>,
     /// Index of the frame being taken.
     index: Option<usize>,
-    images: Vec<Option<GrayImage>>,
+    images: Vec<Option<Picture>>,
 }
 
 struct Worker<E> {
     thread: JoinHandle<()>,
     /// One message for each picture to take.
     requests: Sender<()>,
-    pictures: Receiver<Result<GrayImage, E>>,
+    pictures: Receiver<Result<Picture, E>>,
     is_cancelled: Arc<AtomicBool>,
 }
 
@@ -204,7 +205,7 @@ impl<C: BlockingCamera + 'static> ThreadedCamera<C> {
 
     /// Removes and returns the frame with this index. `None` if the current sequence has not taken it, or it
     /// was removed before.
-    pub fn take_image(&mut self, index: usize) -> Option<GrayImage> {
+    pub fn take_image(&mut self, index: usize) -> Option<Picture> {
         self.images.get_mut(index)?.take()
     }
 }

@@ -3,6 +3,7 @@
 //! | item | what it is |
 //! | --- | --- |
 //! | [`stage`] | robot arms, G-code machines, a person |
+//! | [`exec`] | commands that drive stages and cameras of any kind |
 //! | [`camera`] | cameras of Linux (V4L2), with the feature `v4l2`, and their settings |
 //! | `SimulatedCamera` | a camera that sees the scene of the demo, with the feature `scene` |
 //! | [`Imperfections`] | what is wrong with a simulated rig |
@@ -14,7 +15,9 @@
 mod accuracy;
 mod acquisition;
 pub mod camera;
+pub mod exec;
 mod imperfections;
+mod lines;
 #[cfg(feature = "scene")]
 mod simulated_camera;
 pub mod stage;

@@ -10,8 +10,6 @@ use std::{
     time::Duration,
 };
 
-use image::GrayImage;
-
 use super::{
     acquisition::BlockingCamera,
     imperfections::Imperfections,
@@ -75,11 +73,11 @@ impl SimulatedCamera {
 impl BlockingCamera for SimulatedCamera {
     type Error = Infallible;
 
-    fn take(&mut self, _: Duration, _: &AtomicBool) -> Result<GrayImage, Infallible> {
+    fn take(&mut self, _: Duration, _: &AtomicBool) -> Result<Picture, Infallible> {
         let number = 1 + self.taken.fetch_add(1, Ordering::Relaxed);
         let scene = Scene::demo();
         let camera = self.at(scene.viewpoint, self.place.get());
-        Ok(Picture::Rgb(render_at(&scene, &camera, number)).to_gray())
+        Ok(Picture::Rgb(render_at(&scene, &camera, number)))
     }
 }
 

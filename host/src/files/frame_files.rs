@@ -175,15 +175,18 @@ impl Frames {
         Ok((frames, center))
     }
 
-    /// Writes the frames to `files`, in grey, as PNG images. A frame without a file is left out.
+    /// Writes the frames to `files` as PNG images, in colour if they have colours. A frame without a file is left out.
     ///
     /// # Errors
     /// [`Error::Write`]. Any previous version of a file is unchanged.
     pub fn save(&self, files: &FrameFiles) -> Result<()> {
         let frames = [Frame::Center].into_iter().chain(self.views().iter().map(Frame::View));
-        frames
-            .filter_map(|frame| Some((files.get(frame)?, self.get(frame)?)))
-            .try_for_each(|(path, image)| write_png(path, image))
+        frames.filter_map(|frame| Some((frame, files.get(frame)?, self.get(frame)?))).try_for_each(|(frame, path, gray)| {
+            match self.color(frame) {
+                Some(color) => write_png(path, color),
+                None => write_png(path, gray),
+            }
+        })
     }
 }
 
@@ -234,6 +237,8 @@ mod tests {
             (&vec![149, 29], &vec![0, 255, 0, 0, 0, 255])
         );
         assert_eq!(frames.color(Frame::Center).unwrap().as_raw(), &[255, 0, 0, 0, 0, 0]);
+        frames.save(&saved).unwrap();
+        assert_eq!(Frames::load(&saved).unwrap().0.color(Frame::View(View::TOP)), Some(top));
         colored.left = files.top.clone();
         assert!(Frames::load(&colored).unwrap().0.color(Frame::Center).is_none(), "the left is grey");
 

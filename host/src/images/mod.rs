@@ -17,7 +17,5 @@ pub use geometry::Geometry;
 pub(crate) use geometry::shrunk_point;
 pub use interpolated::SampledDisplacements;
 pub(crate) use interpolated::{InterpolatedImage, extended_pixel};
-#[cfg(all(target_os = "linux", feature = "v4l2"))]
-pub(crate) use picture::gray_of;
 pub use picture::{BitDepth, ImageRegion, Picture};
 pub use transform::Transform;

@@ -125,7 +125,7 @@ where
 
 /// The grey value of a colour. The weights are those of ITU-R BT.601 in 256ths. They add up to 256, so grey
 /// colours keep their value.
-pub(crate) fn gray_of([r, g, b]: [u8; 3]) -> u8 {
+fn gray_of([r, g, b]: [u8; 3]) -> u8 {
     ((77 * u32::from(r) + 150 * u32::from(g) + 29 * u32::from(b) + 128) >> 8) as u8
 }
 

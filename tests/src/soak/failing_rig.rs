@@ -12,7 +12,7 @@ use std::{
 
 use image::{GrayImage, Luma};
 use multiscopic::{
-    DisparityMap, Engine,
+    DisparityMap, Engine, Picture,
     capture::{
         Acquisition, BlockingCamera, Clock, SystemClock, ThreadedCamera, acquire_images_with_clock,
         stage::{AnyStage, Limits},
@@ -411,7 +411,7 @@ impl error::Error for EyeError {}
 impl BlockingCamera for Eye {
     type Error = EyeError;
 
-    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, EyeError> {
+    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, EyeError> {
         let found = {
             let mut blindness = self.blindness.lock().unwrap_or_else(PoisonError::into_inner);
             let found = *blindness;
@@ -419,7 +419,7 @@ impl BlockingCamera for Eye {
             found
         };
         match found {
-            None => Ok(picture((self.place_um)())),
+            None => Ok(Picture::Gray(picture((self.place_um)()))),
             Some(Blindness::Once) => Err(EyeError("a damaged picture")),
             Some(Blindness::Gone) => Err(EyeError("the sensor is gone")),
             Some(Blindness::Silent) => {

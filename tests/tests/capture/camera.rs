@@ -143,3 +143,53 @@ fn a_frame_that_is_not_jpeg_is_an_error() {
     let message = other.to_gray(&bytes).unwrap_err().to_string();
     assert!(message.starts_with("found an image of 23x9, expected a complete JPEG image of 9x23 MJPG"), "{message}");
 }
+
+/// The colours of a frame: those of ITU-T T.871 for luma and chroma, of which two pixels of a row share a sample, and so do two rows if
+/// chroma has planes of its own.
+#[test]
+fn colours_equal_the_definition() {
+    let (size, frame) = ([4, 2], (0..24).map(|k| (k * 11 + 5) as u8).collect::<Vec<_>>());
+    let luma = |v: usize, u: usize| f64::from(frame[4 * v + u]);
+    let at = |k: usize| f64::from(frame[k]);
+    // Pixel (v, u) of each format: luma, blue and red.
+    let packed = |v: usize, u: usize| 8 * v + 4 * (u / 2);
+    type Samples<'a> = Box<dyn Fn(usize, usize) -> [f64; 3] + 'a>;
+    let formats: [(PixelFormat, Samples); 8] = [
+        (PixelFormat::Nv12, Box::new(|v, u| [luma(v, u), at(8 + 2 * (u / 2)), at(9 + 2 * (u / 2))])),
+        (PixelFormat::Nv21, Box::new(|v, u| [luma(v, u), at(9 + 2 * (u / 2)), at(8 + 2 * (u / 2))])),
+        (PixelFormat::Yu12, Box::new(|v, u| [luma(v, u), at(8 + u / 2), at(10 + u / 2)])),
+        (PixelFormat::Yv12, Box::new(|v, u| [luma(v, u), at(10 + u / 2), at(8 + u / 2)])),
+        (PixelFormat::Yuyv, Box::new(|v, u| [at(8 * v + 2 * u), at(packed(v, u) + 1), at(packed(v, u) + 3)])),
+        (PixelFormat::Yvyu, Box::new(|v, u| [at(8 * v + 2 * u), at(packed(v, u) + 3), at(packed(v, u) + 1)])),
+        (PixelFormat::Uyvy, Box::new(|v, u| [at(8 * v + 2 * u + 1), at(packed(v, u)), at(packed(v, u) + 2)])),
+        (PixelFormat::Vyuy, Box::new(|v, u| [at(8 * v + 2 * u + 1), at(packed(v, u) + 2), at(packed(v, u))])),
+    ];
+    for (format, samples) in formats {
+        let Picture::Rgb(found) = (FrameLayout { format, size, stride: 0 }).to_picture(&frame).unwrap() else {
+            panic!("{format:?} is grey")
+        };
+        for (u, v, pixel) in found.enumerate_pixels() {
+            let [y, cb, cr] = samples(v as usize, u as usize);
+            let (cb, cr) = (cb - 128.0, cr - 128.0);
+            let expected = [y + 1.402 * cr, y - (0.114 * 1.772 * cb + 0.299 * 1.402 * cr) / 0.587, y + 1.772 * cb];
+            let is_near = expected.iter().zip(pixel.0).all(|(a, b)| (a.clamp(0.0, 255.0) - f64::from(b)).abs() < 0.501);
+            assert!(is_near, "{format:?} at {u}, {v}: {pixel:?} instead of {expected:?}");
+        }
+    }
+    let rgb = |format| match (FrameLayout { format, size: [4, 2], stride: 0 }).to_picture(&frame).unwrap() {
+        Picture::Rgb(image) => image.get_pixel(1, 1).0,
+        picture => panic!("{format:?}: {picture:?}"),
+    };
+    let [a, b, c] = [15, 16, 17].map(|k: usize| frame[k]);
+    assert_eq!((rgb(PixelFormat::Rgb3), rgb(PixelFormat::Bgr3)), ([a, b, c], [c, b, a]));
+}
+
+/// What no colour can hold is lost: else the grey of the colours is the luma, but for rounding.
+#[test]
+fn the_grey_of_colours_is_luma() {
+    for (luma, blue, red) in [(128, 128, 128), (100, 90, 160), (200, 150, 110), (16, 128, 128), (235, 120, 130)] {
+        let layout = FrameLayout { format: PixelFormat::Yuyv, size: [2, 1], stride: 0 };
+        let gray = layout.to_picture(&[luma, blue, luma, red]).unwrap().to_gray();
+        assert!(gray.as_raw().iter().all(|gray| gray.abs_diff(luma) <= 1), "{luma} {blue} {red}: {gray:?}");
+    }
+}

@@ -3,9 +3,12 @@
 mod arm;
 #[cfg(target_os = "linux")]
 mod camera;
+#[cfg(target_os = "linux")]
+mod exec;
 #[cfg(unix)]
 mod gcode;
 mod hostile_arm;
+mod hostile_command;
 #[cfg(unix)]
 mod hostile_machine;
 mod path;

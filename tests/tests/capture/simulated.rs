@@ -181,8 +181,10 @@ fn what_cannot_be_simulated_is_refused() {
     capture(&camera, &rig, &[]).assert_refused(&["errors.toml", "line 2 (size = 1.0)", "unknown field `size`"]);
     fs::write(&errors, format!("[lens]\nsize = [640, 480]\n{LENS}")).unwrap();
     capture(&camera, &rig, &[]).assert_refused(&["errors.toml", "a calibration of 640x480 pixels", "320x240"]);
-    let arguments = ["capture", "--camera", "sim", "--stage", "manual", "--baseline", "20", "-o", rig.to_str().unwrap()];
-    Invocation::new(arguments).assert_refused(&["--camera sim sees where --stage sim is", "give both"]);
+    fs::write(&errors, "[stage]\nbacklash_mm = 0.1\n").unwrap();
+    let arguments = ["capture", "--camera", &camera, "--stage", "manual", "--baseline", "20", "-o", rig.to_str().unwrap()];
+    Invocation::new(arguments)
+        .assert_refused(&["the table [stage] behind --camera sim: is for --stage sim", "manual has errors"]);
     assert!(!rig.exists());
 }
 

@@ -3,27 +3,24 @@
 use std::{
     mem,
     process::ExitCode,
-    sync::{
-        Arc, OnceLock,
-        atomic::{AtomicBool, AtomicUsize},
-    },
+    sync::{Arc, atomic::AtomicUsize},
     time::Duration,
 };
 
 use clap::Args;
-use image::GrayImage;
 use multiscopic::{
     Error, Result,
     capture::{
-        BlockingCamera, Imperfections, SimulatedCamera, ThreadedCamera,
-        camera::{self, CameraInfo, FrameSizes, V4l2Camera},
-        stage::{self, AnyStage, Limits, SimulatedStage, StageSpec},
+        Imperfections, SimulatedCamera, ThreadedCamera,
+        camera::{self, CameraInfo, FrameSizes},
+        stage::{self, AnyStage, FollowedStage, Limits, SimulatedPlace, SimulatedStage, StageImperfections, StageSpec},
     },
     scene::PinholeCamera,
 };
 use multiscopic_core::capture::Policy;
 
 use super::{
+    cameras::{AnyCamera, UnlockedNote},
     options::{CameraSpec, HardwareOptions},
     terminal::{self, signals},
 };
@@ -47,24 +44,18 @@ pub struct Hardware {
     pub stage: AnyStage,
     /// The stage, as the command line names it.
     pub stage_name: String,
+    /// The note on what is simulated, if only one of them is.
+    pub simulation: Option<String>,
     /// The limits of the stage's reach and speed.
     pub limits: Limits,
     /// Time limits, retries and tolerances.
     pub policy: Policy,
     /// Counts the interrupts of the user, who presses Ctrl-C.
     pub interrupts: Arc<AtomicUsize>,
-    /// The note on what the camera does not lock, once it has taken a picture.
-    unlocked: Arc<OnceLock<String>>,
+    /// The note on what the camera does not lock.
+    unlocked: UnlockedNote,
     /// True once the user has read the note.
     is_warned: bool,
-}
-
-/// A camera of any kind.
-pub enum AnyCamera {
-    /// A real one, and where its note goes.
-    V4l2(Box<V4l2Camera>, Arc<OnceLock<String>>),
-    /// One without hardware.
-    Simulated(Box<SimulatedCamera>),
 }
 
 impl Hardware {
@@ -76,51 +67,49 @@ impl Hardware {
         let (limits, settings) = (options.limits.limits()?, options.settings.settings());
         let frame_timeout = options.settings.frame_timeout()?;
         let policy = options.sequence.policy(&options.stage, frame_timeout + CAMERA_FIRST)?;
-        let unlocked = Arc::new(OnceLock::new());
-        let note = unlocked.clone();
-        let hardware = |camera, camera_name, size, simulated, stage| Hardware {
-            camera,
-            camera_name,
-            size,
-            simulated,
-            stage,
-            stage_name: options.stage.to_string(),
-            limits,
-            policy,
-            interrupts,
-            unlocked,
-            is_warned: false,
+        let unlocked = UnlockedNote::default();
+        let hardware = |camera, camera_name, size, simulated, stage, simulation: Option<String>| {
+            simulation.iter().for_each(|note| terminal::warn(note));
+            Hardware {
+                camera,
+                camera_name,
+                size,
+                simulated,
+                stage,
+                stage_name: options.stage.to_string(),
+                simulation,
+                limits,
+                policy,
+                interrupts,
+                unlocked: unlocked.clone(),
+                is_warned: false,
+            }
         };
         match &options.camera {
             CameraSpec::Simulated(file) => {
-                if options.stage != StageSpec::Simulated {
-                    let message = format!("--camera sim sees where --stage sim is, not where {} is: give both", options.stage);
-                    return Err(Error::Usage(message));
-                }
                 let imperfections = file.as_deref().map(Imperfections::read).transpose()?.unwrap_or_default();
                 let of_lens = imperfections.lens.and_then(|lens| lens.size).map(|size| size.map(|side| side as u32));
                 let size = settings.size.or(of_lens).unwrap_or(SIMULATED_SIZE);
                 if let (Some(lens), Some(path)) = (&imperfections.lens, file) {
                     lens.check_size(path, size.map(|side| side as usize))?;
                 }
-                let stage = SimulatedStage::new(&limits, imperfections.stage)?;
-                let camera = SimulatedCamera::new(PinholeCamera::new(size[0], size[1]), &imperfections, stage.place());
+                let (stage, place, note) = followed_stage(&options.stage, &limits, imperfections.stage)?;
+                let camera = SimulatedCamera::new(PinholeCamera::new(size[0], size[1]), &imperfections, place);
                 let simulated = Some(camera.clone());
                 let name = camera.to_string();
                 let open = move || Ok(AnyCamera::Simulated(Box::new(camera.clone())));
-                Ok(hardware(ThreadedCamera::new(open, frame_timeout), name, size, simulated, AnyStage::new(stage)))
+                Ok(hardware(ThreadedCamera::new(open, frame_timeout), name, size, simulated, stage, note))
             }
-            CameraSpec::Device(path) => {
+            CameraSpec::Real(camera) => {
                 let open = {
-                    let path = path.clone();
-                    move || Ok(AnyCamera::V4l2(Box::new(V4l2Camera::open(&path, &settings)?), note.clone()))
+                    let (camera, settings, note) = (camera.clone(), options.settings.clone(), unlocked.clone());
+                    move || AnyCamera::open(&camera, &settings, &note)
                 };
-                let (name, size) = match open()? {
-                    AnyCamera::V4l2(camera, _) => (camera.to_string(), camera.size()),
-                    AnyCamera::Simulated(camera) => (camera.to_string(), camera.size()),
-                };
+                let (name, size) = open()?.describe(frame_timeout)?;
                 let stage = stage::open(&options.stage, &limits)?;
-                Ok(hardware(ThreadedCamera::new(open, frame_timeout), name, size, None, stage))
+                let note = (options.stage == StageSpec::Simulated)
+                    .then(|| "the stage is simulated: the camera does not move, so all frames are taken from one place".into());
+                Ok(hardware(ThreadedCamera::new(open, frame_timeout), name, size, None, stage, note))
             }
         }
     }
@@ -135,31 +124,25 @@ impl Hardware {
     }
 }
 
-/// The note on what a camera does not lock though it should. `None` if there is nothing.
-pub fn unlocked_note(camera: &V4l2Camera) -> Option<String> {
-    let (last, others) = camera.unlocked().split_last()?;
-    let names = if others.is_empty() { (*last).into() } else { format!("{} and {last}", others.join(", ")) };
-    Some(format!(
-        "the camera does not let its {names} be locked, so pictures may differ in brightness or sharpness: keep the light constant; \
-         `match --align` evens out brightness"
-    ))
-}
-
-impl BlockingCamera for AnyCamera {
-    type Error = Error;
-
-    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage> {
-        match self {
-            AnyCamera::V4l2(camera, note) => {
-                let picture = camera.take(timeout, is_cancelled)?;
-                if let Some(unlocked) = unlocked_note(camera) {
-                    let _ = note.set(unlocked);
-                }
-                Ok(picture)
-            }
-            AnyCamera::Simulated(camera) => camera.take(timeout, is_cancelled).map_err(|never| match never {}),
-        }
+/// Opens a stage that a simulated camera follows. Also returns the camera's place, and a note if the stage is real.
+fn followed_stage(
+    spec: &StageSpec,
+    limits: &Limits,
+    imperfections: StageImperfections,
+) -> Result<(AnyStage, SimulatedPlace, Option<String>)> {
+    if *spec == StageSpec::Simulated {
+        let stage = SimulatedStage::new(limits, imperfections)?;
+        let place = stage.place();
+        return Ok((AnyStage::new(stage), place, None));
     }
+    if imperfections != StageImperfections::default() {
+        let message = format!("the table [stage] behind --camera sim: is for --stage sim, but {spec} has errors of its own");
+        return Err(Error::Usage(message));
+    }
+    let stage = FollowedStage::new(stage::open(spec, limits)?);
+    let place = stage.place();
+    let note = format!("the pictures are simulated: they show the scene of the demo from where {spec} says that the camera is");
+    Ok((AnyStage::new(stage), place, Some(note)))
 }
 
 /// Lists the cameras with their formats and sizes

@@ -7,6 +7,7 @@ pub mod bench;
 pub mod budget;
 mod c_header;
 pub mod calibrate;
+mod cameras;
 pub mod capture;
 pub mod demo;
 pub mod evaluate;

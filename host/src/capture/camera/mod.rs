@@ -1,11 +1,12 @@
-//! Cameras of Linux (V4L2): listing them, and taking frames in 8-bit grey.
+//! Cameras of Linux (V4L2), and those that a command asks for pictures: listing them, and taking frames in 8 bits, grey or in colour.
 //!
 //! | item | what it is |
 //! | --- | --- |
 //! | [`list`], [`CameraInfo`] | the cameras of this machine, their formats and sizes |
 //! | [`CameraSettings`] | format, size, warm-up, averaging, locked controls |
 //! | [`V4l2Camera`] | an open camera; without the feature `v4l2` or off Linux, none can be opened |
-//! | [`PixelFormat`], `FrameLayout` | how frames are encoded, and their conversion to grey |
+//! | [`ExecCamera`] | a command that takes pictures |
+//! | [`PixelFormat`], `FrameLayout` | how frames are encoded, and their conversion to pictures |
 //! | [`CameraError`], `CameraFault` | what went wrong, and what to do |
 //!
 //! ```no_run
@@ -19,6 +20,8 @@
 //! # Ok::<(), multiscopic::capture::camera::CameraError>(())
 //! ```
 
+mod exec;
+mod picture_mean;
 mod pixel_format;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
 mod unsupported;
@@ -29,6 +32,7 @@ use std::{num::NonZeroU16, path::PathBuf};
 
 use serde::Serialize;
 
+pub use exec::ExecCamera;
 pub use pixel_format::PixelFormat;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
 pub use unsupported::{CameraError, V4l2Camera, list};

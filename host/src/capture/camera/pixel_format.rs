@@ -4,8 +4,9 @@ use serde::Serialize;
 
 /// The encoding of a camera's pixels.
 ///
-/// They are converted to 8-bit grey. Luma is not rescaled: it usually ranges from 0 to 255 in the grey
-/// formats and in JPEG, and from 16 to 235 beside chroma. Chroma is ignored.
+/// They are converted to 8 bits, grey or in colour. Luma is not rescaled: it usually ranges from 0 to 255 in the grey formats and in
+/// JPEG, and from 16 to 235 beside chroma. Chroma becomes colours as in JPEG (ITU-T T.871), so that the grey of a colour is its
+/// luma, but for rounding and what red, green and blue cannot hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum PixelFormat {
@@ -33,13 +34,13 @@ pub enum PixelFormat {
     Y12,
     /// 16-bit grey in little-endian words; the low 8 bits are dropped.
     Y16,
-    /// 8-bit red, green and blue, converted to grey like picture files.
+    /// 8-bit red, green and blue, as in picture files.
     Rgb3,
-    /// 8-bit blue, green and red, converted to grey like picture files.
+    /// 8-bit blue, green and red, as in picture files.
     Bgr3,
-    /// One JPEG image per frame, converted to grey like JPEG files; it may lack Huffman tables.
+    /// One JPEG image per frame, as in JPEG files; it may lack Huffman tables.
     Mjpg,
-    /// One JPEG image per frame, converted to grey like JPEG files.
+    /// One JPEG image per frame, as in JPEG files.
     Jpeg,
 }
 
@@ -52,8 +53,29 @@ pub(super) struct Encoding {
     pub pixel_bytes: usize,
     /// The grey of a pixel.
     pub gray: GraySample,
-    /// The number of planes of chroma. They have half as many rows, and together the bytes of a row of luma in each.
-    pub chroma_planes: u64,
+    /// The place of its chroma.
+    pub chroma: Chroma,
+}
+
+/// The place of a pixel's chroma, which it shares with its neighbour.
+#[derive(Clone, Copy)]
+#[cfg_attr(not(all(target_os = "linux", feature = "v4l2")), expect(dead_code, reason = "no camera delivers frames"))]
+pub(super) enum Chroma {
+    /// There is none.
+    None,
+    /// The bytes of blue and red, among the four of two pixels.
+    Packed([usize; 2]),
+    /// Planes after that of luma, this many, with half as many rows, and together the bytes of a row of luma in each. The first
+    /// samples are blue, or else red.
+    Planes(u64, First),
+}
+
+/// The chroma that comes first.
+#[derive(Clone, Copy)]
+#[cfg_attr(not(all(target_os = "linux", feature = "v4l2")), expect(dead_code, reason = "no camera delivers frames"))]
+pub(super) enum First {
+    Blue,
+    Red,
 }
 
 /// The place of a pixel's grey among its bytes.
@@ -71,34 +93,35 @@ pub(super) enum GraySample {
 }
 
 impl PixelFormat {
-    /// All formats, in order of preference: uncompressed before compressed, luma before RGB, few bytes before
+    /// All formats, in order of preference: uncompressed before compressed, colour before grey, luma before RGB, few bytes before
     /// many.
     pub const ALL: [PixelFormat; 16] = {
         use PixelFormat::*;
-        [Grey, Nv12, Nv21, Yu12, Yv12, Yuyv, Yvyu, Uyvy, Vyuy, Y10, Y12, Y16, Rgb3, Bgr3, Mjpg, Jpeg]
+        [Nv12, Nv21, Yu12, Yv12, Yuyv, Yvyu, Uyvy, Vyuy, Rgb3, Bgr3, Grey, Y10, Y12, Y16, Mjpg, Jpeg]
     };
 
     pub(super) const fn encoding(self) -> Encoding {
+        use Chroma::{None, Packed, Planes};
         use GraySample::{Byte, Color, Word};
-        let (fourcc, pixel_bytes, gray, chroma_planes) = match self {
-            PixelFormat::Grey => (b"GREY", 1, Byte(0), 0),
-            PixelFormat::Nv12 => (b"NV12", 1, Byte(0), 1),
-            PixelFormat::Nv21 => (b"NV21", 1, Byte(0), 1),
-            PixelFormat::Yu12 => (b"YU12", 1, Byte(0), 2),
-            PixelFormat::Yv12 => (b"YV12", 1, Byte(0), 2),
-            PixelFormat::Yuyv => (b"YUYV", 2, Byte(0), 0),
-            PixelFormat::Yvyu => (b"YVYU", 2, Byte(0), 0),
-            PixelFormat::Uyvy => (b"UYVY", 2, Byte(1), 0),
-            PixelFormat::Vyuy => (b"VYUY", 2, Byte(1), 0),
-            PixelFormat::Y10 => (b"Y10 ", 2, Word(2), 0),
-            PixelFormat::Y12 => (b"Y12 ", 2, Word(4), 0),
-            PixelFormat::Y16 => (b"Y16 ", 2, Word(8), 0),
-            PixelFormat::Rgb3 => (b"RGB3", 3, Color([0, 1, 2]), 0),
-            PixelFormat::Bgr3 => (b"BGR3", 3, Color([2, 1, 0]), 0),
-            PixelFormat::Mjpg => (b"MJPG", 1, GraySample::Jpeg, 0),
-            PixelFormat::Jpeg => (b"JPEG", 1, GraySample::Jpeg, 0),
+        let (fourcc, pixel_bytes, gray, chroma) = match self {
+            PixelFormat::Grey => (b"GREY", 1, Byte(0), None),
+            PixelFormat::Nv12 => (b"NV12", 1, Byte(0), Planes(1, First::Blue)),
+            PixelFormat::Nv21 => (b"NV21", 1, Byte(0), Planes(1, First::Red)),
+            PixelFormat::Yu12 => (b"YU12", 1, Byte(0), Planes(2, First::Blue)),
+            PixelFormat::Yv12 => (b"YV12", 1, Byte(0), Planes(2, First::Red)),
+            PixelFormat::Yuyv => (b"YUYV", 2, Byte(0), Packed([1, 3])),
+            PixelFormat::Yvyu => (b"YVYU", 2, Byte(0), Packed([3, 1])),
+            PixelFormat::Uyvy => (b"UYVY", 2, Byte(1), Packed([0, 2])),
+            PixelFormat::Vyuy => (b"VYUY", 2, Byte(1), Packed([2, 0])),
+            PixelFormat::Y10 => (b"Y10 ", 2, Word(2), None),
+            PixelFormat::Y12 => (b"Y12 ", 2, Word(4), None),
+            PixelFormat::Y16 => (b"Y16 ", 2, Word(8), None),
+            PixelFormat::Rgb3 => (b"RGB3", 3, Color([0, 1, 2]), None),
+            PixelFormat::Bgr3 => (b"BGR3", 3, Color([2, 1, 0]), None),
+            PixelFormat::Mjpg => (b"MJPG", 1, GraySample::Jpeg, None),
+            PixelFormat::Jpeg => (b"JPEG", 1, GraySample::Jpeg, None),
         };
-        Encoding { fourcc, pixel_bytes, gray, chroma_planes }
+        Encoding { fourcc, pixel_bytes, gray, chroma }
     }
 
     /// Its four-character code in V4L2.

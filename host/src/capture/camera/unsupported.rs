@@ -2,12 +2,11 @@
 
 use std::{convert::Infallible, fmt, path::Path, sync::atomic::AtomicBool, time::Duration};
 
-use image::GrayImage;
-
 use super::{CameraInfo, CameraSettings};
 use crate::{
     capture::acquisition::BlockingCamera,
     error::{Error, Result},
+    images::Picture,
 };
 
 /// This build has no support of real cameras.
@@ -47,7 +46,7 @@ impl V4l2Camera {
 impl BlockingCamera for V4l2Camera {
     type Error = CameraError;
 
-    fn take(&mut self, _: Duration, _: &AtomicBool) -> std::result::Result<GrayImage, CameraError> {
+    fn take(&mut self, _: Duration, _: &AtomicBool) -> std::result::Result<Picture, CameraError> {
         match self.0 {}
     }
 }

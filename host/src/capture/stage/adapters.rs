@@ -2,7 +2,11 @@
 
 use multiscopic_core::capture::{Position, Stage};
 
-use super::{error::StageError, posed::PosedStage};
+use super::{
+    error::StageError,
+    posed::PosedStage,
+    simulated::{SimulatedPlace, StagePose},
+};
 use crate::images::Transform;
 
 /// A stage whose positions are turned about its centre, so that a camera that is mounted at an angle moves along its own rows and
@@ -53,6 +57,57 @@ impl<S: PosedStage> PosedStage for TurnedStage<S> {
     }
 }
 
+/// A stage that tells a simulated camera where it is: where it was measured to be, or else where it was sent.
+#[derive(Debug)]
+pub struct FollowedStage<S> {
+    stage: S,
+    place: SimulatedPlace,
+    target: Position,
+}
+
+impl<S> FollowedStage<S> {
+    /// A stage that stands in its centre.
+    pub fn new(stage: S) -> FollowedStage<S> {
+        FollowedStage { stage, place: SimulatedPlace::default(), target: Position::CENTER }
+    }
+
+    /// The place of the camera, which changes when the stage's [position](Stage::position) is asked for.
+    pub fn place(&self) -> SimulatedPlace {
+        self.place.clone()
+    }
+}
+
+impl<S: Stage> Stage for FollowedStage<S> {
+    type Error = S::Error;
+
+    fn move_to(&mut self, position: Position) -> Result<(), S::Error> {
+        self.stage.move_to(position)?;
+        self.target = position;
+        Ok(())
+    }
+
+    fn has_arrived(&mut self) -> Result<bool, S::Error> {
+        self.stage.has_arrived()
+    }
+
+    fn position(&mut self) -> Result<Option<Position>, S::Error> {
+        let measured = self.stage.position()?;
+        let Position { x_um, y_um } = measured.unwrap_or(self.target);
+        self.place.set(StagePose { position_mm: [x_um, y_um].map(|um| f64::from(um) / 1e3), ..StagePose::default() });
+        Ok(measured)
+    }
+
+    fn stop(&mut self) -> Result<(), S::Error> {
+        self.stage.stop()
+    }
+}
+
+impl<S: PosedStage> PosedStage for FollowedStage<S> {
+    fn pose(&mut self) -> Result<Option<Transform>, S::Error> {
+        self.stage.pose()
+    }
+}
+
 /// A stage of any kind.
 pub struct AnyStage(Box<dyn PosedStage<Error = StageError> + Send>);
 
@@ -98,6 +153,20 @@ mod tests {
         Clock, SteppedClock,
         stage::{Limits, SimulatedStage, StageImperfections},
     };
+
+    #[test]
+    fn a_camera_follows_what_is_measured() {
+        let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
+        let clock = SteppedClock::new();
+        let stage = SimulatedStage::with_clock(&limits, StageImperfections::default(), clock.clone()).unwrap();
+        let mut stage = FollowedStage::new(stage);
+        let place = stage.place();
+        stage.move_to(Position { x_um: 20_000, y_um: -4000 }).unwrap();
+        clock.sleep(limits.travel_time(20.4) / 2);
+        let halfway = stage.position().unwrap().unwrap();
+        assert!((5000..15_000).contains(&halfway.x_um), "{halfway:?}");
+        assert_eq!(place.get().position_mm, [halfway.x_um, halfway.y_um].map(|um| f64::from(um) / 1e3));
+    }
 
     #[test]
     fn positions_are_turned_there_and_back() {

@@ -4,12 +4,16 @@ use std::{fmt, io, ops::RangeInclusive, time::Duration};
 
 use multiscopic_core::capture::Position;
 
+use crate::capture::exec::ExecError;
+
 /// An error of a stage, with the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StageError {
     /// The text does not name a stage.
-    #[error("`{text}` is not a stage: {problem}; expected ur10:HOST[:PORT[,RTDE_PORT]], gcode:TTY[@BAUD] or manual")]
+    #[error(
+        "`{text}` is not a stage: {problem}; expected ur10:HOST[:PORT[,RTDE_PORT]], gcode:TTY[@BAUD], exec:COMMAND or manual"
+    )]
     Spec {
         /// The text.
         text: String,
@@ -141,6 +145,9 @@ pub enum StageError {
         /// The machine.
         by: String,
     },
+    /// The command that moves the stage failed, or refused an order.
+    #[error(transparent)]
+    Exec(#[from] ExecError),
     /// The terminal cannot be read or written.
     #[error("cannot prompt at the terminal: {0}")]
     Terminal(#[source] io::Error),

@@ -8,8 +8,10 @@
 //! | [`open`], [`AnyStage`] | opens a stage of any kind |
 //! | [`Arm`] | an arm of Universal Robots |
 //! | [`gcode`] | machines with G-code on a serial port |
+//! | [`exec`] | a command that moves a stage of any kind |
 //! | [`ManualStage`] | a person who is prompted |
 //! | [`SimulatedStage`], [`StageImperfections`] | none: for trying things out, with the errors of real ones |
+//! | [`FollowedStage`] | tells a simulated camera where it is |
 //! | [`TurnedStage`] | moves along the axes of a camera that is mounted at an angle |
 //! | [`StageError`] | what went wrong, and what to do |
 //!
@@ -18,6 +20,7 @@
 
 mod adapters;
 mod error;
+pub mod exec;
 pub mod gcode;
 mod limits;
 mod manual;
@@ -27,9 +30,10 @@ mod simulated;
 
 use std::{fmt, net::Ipv6Addr, str::FromStr};
 
+use super::exec::words;
 use gcode::BAUD;
 
-pub use adapters::{AnyStage, TurnedStage};
+pub use adapters::{AnyStage, FollowedStage, TurnedStage};
 pub use error::{SafetyMode, StageError};
 pub use limits::Limits;
 pub use manual::ManualStage;
@@ -45,6 +49,7 @@ pub fn open(spec: &StageSpec, limits: &Limits) -> Result<AnyStage, StageError> {
     match spec {
         StageSpec::Ur10(address) => Arm::connect(address, limits).map(AnyStage::new),
         StageSpec::Gcode { path, baud } => gcode::open(path, *baud, limits),
+        StageSpec::Exec(command) => exec::open(command, limits).map(AnyStage::new),
         StageSpec::Manual => ManualStage::at_terminal(limits).map(AnyStage::new),
         StageSpec::Simulated => SimulatedStage::new(limits, StageImperfections::default()).map(AnyStage::new),
     }
@@ -72,6 +77,8 @@ pub enum StageSpec {
         /// Baud rate, 115 200 by default.
         baud: u32,
     },
+    /// `exec:COMMAND`: a command that moves the stage, by the protocol of [`exec`]. It is split into words as a shell does.
+    Exec(String),
     /// `manual`: a person is asked to move the camera.
     Manual,
     /// `sim`: a simulated stage.
@@ -85,13 +92,16 @@ impl FromStr for StageSpec {
         let parsed = match text.split_once(':') {
             Some(("ur10", address)) => arm_address(address).map(StageSpec::Ur10),
             Some(("gcode", port)) => serial_port(port),
+            Some(("exec", command)) => words(command).map(|_| StageSpec::Exec(command.into())),
             None if text == "manual" => Ok(StageSpec::Manual),
             None if text == "sim" => Ok(StageSpec::Simulated),
             None if text == "ur10" => Err("the arm's host is missing"),
             None if text == "gcode" => Err("the serial port is missing"),
-            Some(("moonraker" | "klipper", _)) => {
-                Err("Klipper is driven by its serial port, gcode:$HOME/printer_data/comms/klippy.serial")
-            }
+            None if text == "exec" => Err("the command is missing"),
+            Some(("moonraker" | "klipper", _)) => Err(
+                "Klipper is driven by its serial port, gcode:$HOME/printer_data/comms/klippy.serial, or by exec: and a script for \
+                 Moonraker",
+            ),
             _ => Err("its kind is unknown"),
         };
         parsed.map_err(|problem| StageError::Spec { text: text.into(), problem })
@@ -103,6 +113,7 @@ impl fmt::Display for StageSpec {
         match self {
             StageSpec::Ur10(address) => write!(f, "ur10:{address}"),
             StageSpec::Gcode { path, baud } => write!(f, "gcode:{path}@{baud}"),
+            StageSpec::Exec(command) => write!(f, "exec:{command}"),
             StageSpec::Manual => f.write_str("manual"),
             StageSpec::Simulated => f.write_str("sim"),
         }
@@ -166,6 +177,7 @@ mod tests {
             ("ur10:[::1]", arm("::1", 30002, 30004), "ur10:[::1]:30002,30004"),
             ("ur10:[fe80::1%eth0]", arm("fe80::1%eth0", 30002, 30004), "ur10:[fe80::1%eth0]:30002,30004"),
             ("gcode:COM3@250000", StageSpec::Gcode { path: "COM3".into(), baud: 250_000 }, "gcode:COM3@250000"),
+            ("exec:./move -p 'a b'", StageSpec::Exec("./move -p 'a b'".into()), "exec:./move -p 'a b'"),
             ("manual", StageSpec::Manual, "manual"),
         ] {
             let parsed: StageSpec = text.parse().unwrap();
@@ -194,6 +206,9 @@ mod tests {
             ("ur10:a]b", "brackets stand around IPv6 addresses alone"),
             ("ur10:[::1]30002", "only :PORT may follow the bracket"),
             ("moonraker:printer.local", "gcode:$HOME/printer_data/comms/klippy.serial"),
+            ("exec", "the command is missing"),
+            ("exec: ", "the command is missing"),
+            ("exec:move 'a", "a quotation is not closed"),
             ("gcode", "the serial port is missing"),
             ("gcode:@9600", "the serial port is missing"),
             ("gcode:/dev/ttyUSB0@fast", "BAUD must be a number"),

@@ -90,7 +90,8 @@ impl SimulatedPlace {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn set(&self, pose: StagePose) {
+    /// Takes the camera somewhere.
+    pub(super) fn set(&self, pose: StagePose) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = pose;
     }
 }

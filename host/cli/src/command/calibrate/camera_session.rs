@@ -10,17 +10,16 @@ use std::{
 
 use image::GrayImage;
 use multiscopic::{
-    CameraModel, Error, Lens, Raster, Result,
+    CameraModel, Error, Lens, Picture, Raster, Result,
     calibration::{BoardCorner, BoardImage, Coverage, PrintedBoard},
-    capture::{BlockingCamera, Imperfections, camera::V4l2Camera},
-    files::image_codec,
+    capture::{BlockingCamera, Imperfections},
 };
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use crate::command::{
     advice,
-    hardware::unlocked_note,
+    cameras::{AnyCamera, UnlockedNote},
     options::{CameraSpec, SettingsOptions},
     terminal::{self, signals},
 };
@@ -61,14 +60,15 @@ impl CameraSession<'_> {
         }
         let timeout = settings.frame_timeout()?;
         match camera {
-            CameraSpec::Device(path) => {
-                let mut camera = V4l2Camera::open(path, &settings.settings())?;
-                let size = camera.size().map(|side| side as usize);
+            CameraSpec::Real(source) => {
+                let note = UnlockedNote::default();
+                let mut camera = AnyCamera::open(source, settings, &note)?;
+                let (_, size) = camera.describe(timeout)?;
                 let mut is_warned = false;
-                self.take(size, true, |cancelled| {
+                self.take(size.map(|side| side as usize), true, |cancelled| {
                     let picture = camera.take(timeout, cancelled)?;
-                    if let Some(note) = unlocked_note(&camera).filter(|_| !mem::replace(&mut is_warned, true)) {
-                        terminal::warn(&note);
+                    if let Some(note) = note.get().filter(|_| !mem::replace(&mut is_warned, true)) {
+                        terminal::warn(note);
                     }
                     Ok(picture)
                 })
@@ -95,7 +95,7 @@ impl CameraSession<'_> {
         &self,
         size: [usize; 2],
         is_live: bool,
-        mut take: impl FnMut(&AtomicBool) -> Result<GrayImage>,
+        mut take: impl FnMut(&AtomicBool) -> Result<Picture>,
     ) -> Result<(Vec<BoardImage>, [usize; 2])> {
         // The first Ctrl-C ends the session, the second the program.
         let interrupts = signals::count(2);
@@ -106,7 +106,7 @@ impl CameraSession<'_> {
         while taken.images.len() < self.pictures && interrupts.load(Ordering::Relaxed) == 0 && trials < MOST_TRIALS {
             trials += 1;
             let picture = take(&never)?;
-            let corners = match self.board.corners_in(&picture) {
+            let corners = match self.board.corners_in(&picture.to_gray()) {
                 Ok(corners) => corners,
                 Err(miss) => {
                     taken.say(advice::board_miss(&miss));
@@ -137,10 +137,10 @@ impl Taken<'_> {
         self.images.iter().all(is_other)
     }
 
-    fn keep(&mut self, picture: GrayImage, corners: Vec<BoardCorner>) -> Result<()> {
+    fn keep(&mut self, picture: Picture, corners: Vec<BoardCorner>) -> Result<()> {
         let name = format!("{:02}.png", self.images.len() + 1);
         if let Some(folder) = self.session.keep {
-            image_codec::write_png(&folder.join(&name), &picture)?;
+            picture.write_png(&folder.join(&name))?;
         }
         self.images.push(BoardImage { name, corners });
         let message = format!("picture {} of {}; {}", self.images.len(), self.session.pictures, self.next());
@@ -295,7 +295,7 @@ fn halton(mut index: u32, base: u32) -> f64 {
 impl BlockingCamera for SimulatedBoard {
     type Error = Infallible;
 
-    fn take(&mut self, _: Duration, is_cancelled: &AtomicBool) -> std::result::Result<GrayImage, Infallible> {
+    fn take(&mut self, _: Duration, is_cancelled: &AtomicBool) -> std::result::Result<Picture, Infallible> {
         let camera = CameraOverBoard::new(&self.pose().inverse());
         self.taken += 1;
         let [width, height] = self.size;
@@ -304,6 +304,6 @@ impl BlockingCamera for SimulatedBoard {
         // The sum of twelve numbers from 0 to 1 has a variance of 1.
         let mut noise = || NOISE * ((0..12).map(|_| self.random.f64()).sum::<f64>() - 6.0);
         let bytes = grays.iter().map(|gray| (gray + noise()).round().clamp(0.0, 255.0) as u8).collect();
-        Ok(GrayImage::from_raw(width as u32, height as u32, bytes).expect("a byte for each pixel"))
+        Ok(Picture::Gray(GrayImage::from_raw(width as u32, height as u32, bytes).expect("a byte for each pixel")))
     }
 }

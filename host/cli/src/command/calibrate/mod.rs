@@ -146,7 +146,7 @@ impl MountCommand {
         hardware.warn_of_unlocked();
         let mut taken = taken?;
         let failure = taken.failure.take();
-        let frames = taken.frames();
+        let frames = taken.frames().without_color();
         Ok((undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames)), failure))
     }
 

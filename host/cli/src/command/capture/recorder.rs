@@ -77,6 +77,9 @@ impl Recorder {
     pub fn record(&mut self, folder: &Path, observe: &mut dyn FnMut(&str, usize, usize)) -> Result<Recorded> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
         let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
+        if let Some(note) = &self.hardware.simulation {
+            log.note(note);
+        }
         let mut taken = acquire(&mut self.hardware, &self.plan, &mut log, observe)?;
         let failure = taken.failure.take();
         let mut poses = mem::take(&mut taken.poses);
@@ -93,8 +96,9 @@ impl Recorder {
         if let Err(error) = &ended {
             log.note(&advice::error(error));
         }
+        let all_notes: Vec<&str> = self.hardware.simulation.iter().chain(&notes).map(String::as_str).collect();
         let poses = poses.into_iter().map(|(frame, pose)| (frame.to_string(), pose)).collect();
-        let mut rig = Rig { poses, ..self.rig(&frames, date, (!notes.is_empty()).then(|| notes.join("\n"))) };
+        let mut rig = Rig { poses, ..self.rig(&frames, date, (!all_notes.is_empty()).then(|| all_notes.join("\n"))) };
         // What was measured is nearer to the truth than what was asked for.
         let measured_mm = MeasuredViews::of_rig(&rig, None).baseline_mm(&rig);
         rig.baseline_mm = measured_mm.or(rig.baseline_mm);
@@ -115,6 +119,7 @@ impl Recorder {
             }
             rig.save(folder)
         })?;
+        let frames = frames.without_color();
         let [width, height] = frames.size();
         let ideal = undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames));
         let inspection = Inspection::of(&ideal);
@@ -151,7 +156,10 @@ impl Recorder {
         let rig = self.rig(frames, String::new(), None);
         let geometry = rig.geometry(frames.size()).expect("an accuracy comes with the focal length");
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
-        let ideal = |frames: &Frames| undistortion.as_ref().map_or_else(|| frames.clone(), |lens| lens.frames(frames));
+        let ideal = |frames: &Frames| {
+            let gray = frames.clone().without_color();
+            undistortion.as_ref().map_or_else(|| gray.clone(), |lens| lens.frames(&gray))
+        };
         let mut refinement = long_baseline.begin(&ideal(frames), geometry)?;
         notes.push(refinement.found());
         loop {

@@ -14,7 +14,7 @@ use std::{
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use image::{GrayImage, codecs::jpeg::JpegEncoder};
-use multiscopic::{Error, Result, Rig};
+use multiscopic::{Error, Picture, Result, Rig};
 use multiscopic_core::capture::Camera as _;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -162,8 +162,8 @@ impl Studio {
         }
         if let Some(frame) = camera.take_image(0) {
             let (width, height) = frame.dimensions();
-            let contents =
-                json!({ "picture": jpeg(&frame), "width": width, "height": height, "meters": FrameMeters::of(&frame) });
+            let meters = FrameMeters::of(&frame.to_gray());
+            let contents = json!({ "picture": jpeg(&frame), "width": width, "height": height, "meters": meters });
             self.bench.board.put(Subject::Preview, contents);
         }
         self.wait(BETWEEN_PICTURES.saturating_sub(start.elapsed()));
@@ -249,9 +249,14 @@ fn switch_off(recorder: &mut Recorder, is_on: &mut bool) {
     }
 }
 
-fn jpeg(frame: &GrayImage) -> String {
+fn jpeg(frame: &Picture) -> String {
     let mut bytes = Cursor::new(Vec::new());
-    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode_image(frame).expect("memory takes any picture");
+    let mut encoder = JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY);
+    let encoded = match frame {
+        Picture::Gray(gray) => encoder.encode_image(gray),
+        frame => encoder.encode_image(&frame.to_rgb()),
+    };
+    encoded.expect("memory takes any picture");
     format!("data:image/jpeg;base64,{}", STANDARD.encode(bytes.into_inner()))
 }
 

@@ -23,14 +23,14 @@ const MANUAL_MOVE_TIMEOUT: Duration = Duration::from_secs(24 * 3600);
 /// The camera and the stage.
 #[derive(Clone, Debug, Args)]
 pub struct HardwareOptions {
-    /// V4L2 camera, as listed by `multiscopic devices`, or a simulated one that sees the scene of the demo and needs --stage sim.
-    /// FILE.toml tells what is wrong with the simulated rig: its lens, its mount, its stage
-    #[arg(long, value_name = "/dev/videoN|sim[:FILE.toml]")]
+    /// V4L2 camera, as listed by `multiscopic devices`; a command that takes pictures; or a simulated camera that sees the scene of
+    /// the demo from where the stage says it is. FILE.toml tells what is wrong with the simulated rig: its lens, its mount, its stage
+    #[arg(long, value_name = "/dev/videoN|exec:COMMAND|sim[:FILE.toml]")]
     pub camera: CameraSpec,
 
-    /// Stage that moves the camera in its image plane: a Universal Robots arm, a machine with G-code, you, or
-    /// nothing real
-    #[arg(long, value_name = "ur10:HOST[:PORT[,RTDE_PORT]]|gcode:TTY[@BAUD]|manual|sim")]
+    /// Stage that moves the camera in its image plane: a Universal Robots arm, a machine with G-code, a command that moves
+    /// anything, you, or nothing real
+    #[arg(long, value_name = "ur10:HOST[:PORT[,RTDE_PORT]]|gcode:TTY[@BAUD]|exec:COMMAND|manual|sim")]
     pub stage: StageSpec,
 
     #[command(flatten)]
@@ -46,10 +46,19 @@ pub struct HardwareOptions {
 /// A camera, as `--camera` names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CameraSpec {
-    /// A device file.
-    Device(PathBuf),
+    /// A real camera.
+    Real(RealCamera),
     /// `sim[:FILE.toml]`: no hardware, and the file of the rig's imperfections.
     Simulated(Option<PathBuf>),
+}
+
+/// A camera that is not simulated, as `--camera` names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RealCamera {
+    /// A device file.
+    Device(PathBuf),
+    /// `exec:COMMAND`: a command that takes pictures.
+    Exec(String),
 }
 
 impl FromStr for CameraSpec {
@@ -59,7 +68,8 @@ impl FromStr for CameraSpec {
         Ok(match text.split_once(':') {
             Some(("sim", file)) => CameraSpec::Simulated(Some(file.into())),
             None if text == "sim" => CameraSpec::Simulated(None),
-            _ => CameraSpec::Device(text.into()),
+            Some(("exec", command)) => CameraSpec::Real(RealCamera::Exec(command.into())),
+            _ => CameraSpec::Real(RealCamera::Device(text.into())),
         })
     }
 }
@@ -172,6 +182,20 @@ impl SettingsOptions {
         }
     }
 
+    /// The first option that only a V4L2 camera obeys, if one is given.
+    pub fn of_device(&self) -> Option<&'static str> {
+        let is_given = [
+            ("--format", self.format.is_some()),
+            ("--size", self.size.is_some()),
+            ("--no-lock", self.no_lock),
+            ("--exposure", self.exposure.is_some()),
+            ("--gain", self.gain.is_some()),
+            ("--focus", self.focus.is_some()),
+            ("--white-balance", self.white_balance.is_some()),
+        ];
+        is_given.into_iter().find_map(|(option, is_given)| is_given.then_some(option))
+    }
+
     /// The time limit for a frame.
     pub fn frame_timeout(&self) -> Result<Duration> {
         seconds("--frame-timeout", self.frame_timeout)
@@ -183,7 +207,7 @@ impl SequenceOptions {
     pub fn policy(&self, stage: &StageSpec, frame_timeout: Duration) -> Result<Policy> {
         let backlash_um = match stage {
             StageSpec::Gcode { .. } => GCODE_BACKLASH_UM,
-            StageSpec::Ur10(_) | StageSpec::Manual | StageSpec::Simulated => 0,
+            StageSpec::Ur10(_) | StageSpec::Exec(_) | StageSpec::Manual | StageSpec::Simulated => 0,
         };
         Ok(Policy {
             settle: Duration::from_secs_f64(self.settle),

@@ -8,9 +8,7 @@ use clap::Args;
 use multiscopic::{Result, images::Layout};
 use multiscopic_core::Views;
 
-#[cfg(feature = "calibration")]
-pub use hardware_options::SettingsOptions;
-pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
+pub use hardware_options::{CameraSpec, HardwareOptions, RealCamera, SettingsOptions, micrometres};
 pub use multiscopic_options::{
     BaselineOptions, BitsOption, EngineOptions, MatchingOptions, MemoryOptions, MethodOptions, Named, PRIOR_EXCLUDES,
     PreparationOptions, SearchOptions, named, value, views_of_count,

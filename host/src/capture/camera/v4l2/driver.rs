@@ -9,7 +9,7 @@ use std::{
 use v4l::{Device, capability::Flags};
 
 use super::ioctl::{self, Capabilities};
-use crate::capture::camera::PixelFormat;
+use crate::capture::camera::{PixelFormat, pixel_format::Chroma};
 
 /// Opens the device at `path` and queries its capabilities.
 pub(super) fn open(path: &Path) -> Result<(Device, Capabilities), CameraFault> {
@@ -198,15 +198,21 @@ impl FrameLayout {
     /// The fewest bytes that a frame can have: its last row need not be padded.
     pub(super) fn bytes(&self) -> u64 {
         let [width, height] = self.size.map(u64::from);
-        let (stride, planes) = (self.stride() as u64, self.format.encoding().chroma_planes);
+        let stride = self.stride() as u64;
         // A driver may claim any size. No buffer has as many bytes as the greatest number.
         let plane = |rows: u64, stride: u64, row: u64| rows.saturating_sub(1).saturating_mul(stride).saturating_add(row);
-        if planes == 0 {
+        let Chroma::Planes(planes, _) = self.format.encoding().chroma else {
             return plane(height, stride, self.row_bytes() as u64);
-        }
+        };
         let chroma_row = 2 * width.div_ceil(2) / planes;
-        let chroma_stride = chroma_row.max(stride / planes);
-        plane(planes * height.div_ceil(2), chroma_stride, chroma_row).saturating_add(height.saturating_mul(stride))
+        let rows = plane(planes * height.div_ceil(2), self.chroma_stride(planes), chroma_row);
+        rows.saturating_add(height.saturating_mul(stride))
+    }
+
+    /// The distance between rows of a plane of chroma in bytes, if there are this many planes.
+    pub(super) fn chroma_stride(&self, planes: u64) -> u64 {
+        let chroma_row = 2 * u64::from(self.size[0]).div_ceil(2) / planes;
+        chroma_row.max(self.stride() as u64 / planes)
     }
 
     /// Bytes per pixel.

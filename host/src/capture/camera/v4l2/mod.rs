@@ -12,15 +12,14 @@ use std::{
     time::{Duration, Instant},
 };
 
-use image::GrayImage;
 use v4l::{Device, FourCC, framesize::FrameSizeEnum, video::Capture};
 
-use super::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat};
-use crate::{capture::acquisition::BlockingCamera, caught::caught, error::Error, files::input};
+use super::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat, picture_mean::PictureMean};
+use crate::{capture::acquisition::BlockingCamera, caught::caught, error::Error, files::input, images::Picture};
 
 use ioctl::Format;
 use locked_controls::LockedControls;
-use stream::{FrameMean, Stream, Wait, WaitError};
+use stream::{Stream, Wait, WaitError};
 
 pub use driver::{CameraError, CameraFault, FrameLayout};
 
@@ -62,12 +61,12 @@ impl V4l2Camera {
     ///
     /// # Errors
     /// No frame arrived in time, a frame was damaged, the device is gone, or the call was cancelled.
-    pub fn frame(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, CameraError> {
+    pub fn frame(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, CameraError> {
         let taken = self.try_frame(Instant::now(), timeout, is_cancelled);
         taken.map_err(|fault| CameraError { device: self.path.clone(), fault })
     }
 
-    fn try_frame(&mut self, start: Instant, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, CameraFault> {
+    fn try_frame(&mut self, start: Instant, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, CameraFault> {
         let mut connection = match self.connection.take() {
             Some(connection) => connection,
             None => Connection::open(&self.path, Some(self.layout.format), Some(self.layout.size))?,
@@ -104,7 +103,7 @@ impl V4l2Camera {
 impl BlockingCamera for V4l2Camera {
     type Error = CameraError;
 
-    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, CameraError> {
+    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, CameraError> {
         self.frame(timeout, is_cancelled)
     }
 }
@@ -155,7 +154,7 @@ impl Connection {
     }
 
     /// Averages the next frames, all of them exposed after this call.
-    fn frame(&mut self, settings: &CameraSettings, wait: Wait<'_>) -> Result<GrayImage, CameraFault> {
+    fn frame(&mut self, settings: &CameraSettings, wait: Wait<'_>) -> Result<Picture, CameraFault> {
         let (mut frames, mut expected) = (0, u32::from(settings.average.get()));
         // Counts frames, so that a time-out can say how many arrived.
         let mut count = |taken: Result<(), WaitError>, expected: u32| match taken {
@@ -187,15 +186,15 @@ impl Connection {
                 }
             }
         }
-        let mut mean = FrameMean::default();
+        let mut mean = PictureMean::default();
         for _ in 0..settings.average.get() {
             match stream.next(wait) {
-                Ok(bytes) => mean.add(&self.layout.to_gray(bytes)?),
+                Ok(bytes) => mean.add(self.layout.to_picture(bytes)?),
                 Err(error) => count(Err(error), expected)?,
             }
             count(Ok(()), expected)?;
         }
-        Ok(mean.image(self.layout.size))
+        Ok(mean.picture().expect("at least one frame"))
     }
 
     /// Stops the camera. Its controls stay locked.

@@ -7,7 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use image::GrayImage;
+use image::{GrayImage, ImageBuffer, Pixel};
 use v4l::{
     Device,
     buffer::{Flags, Type},
@@ -19,10 +19,10 @@ use v4l::{
 
 use super::driver::{self, CameraFault, FrameLayout};
 use crate::{
-    capture::camera::pixel_format::GraySample,
+    capture::camera::pixel_format::{Chroma, First, GraySample},
     caught::caught,
     error::Error,
-    images::{Picture, gray_of},
+    images::Picture,
 };
 
 /// Buffers to request. One is ours to read, the others are queued; some drivers need three queued before they
@@ -168,85 +168,107 @@ impl Drop for Stream {
 }
 
 impl FrameLayout {
-    /// Converts a frame to grey. Bytes beyond the last row are ignored.
+    /// Converts a frame to a picture, in colour if its format has colours. Bytes beyond the last row are ignored.
     ///
     /// # Errors
     /// [`CameraFault::Truncated`] if there are too few bytes, [`CameraFault::Jpeg`] if they are not a JPEG
     /// image of this size.
+    pub fn to_picture(&self, frame: &[u8]) -> Result<Picture, CameraFault> {
+        let encoding = self.format.encoding();
+        let luma = match encoding.gray {
+            GraySample::Byte(i) => i,
+            GraySample::Color(rgb) => {
+                let colors = self.pixels(frame)?.flat_map(|pixel| rgb.map(|i| pixel[i])).collect();
+                return Ok(Picture::Rgb(self.image(colors)));
+            }
+            GraySample::Word(shift) => {
+                let gray = |word: &[u8]| (u16::from_le_bytes([word[0], word[1]]) >> shift) as u8;
+                return Ok(Picture::Gray(self.image(self.pixels(frame)?.map(gray).collect())));
+            }
+            GraySample::Jpeg => return self.decode(frame),
+        };
+        let gray = self.pixels(frame)?.map(|pixel| pixel[luma]);
+        if let Chroma::None = encoding.chroma {
+            return Ok(Picture::Gray(self.image(gray.collect())));
+        }
+        let width = self.size[0] as usize;
+        let places = (0..self.size[1] as usize).flat_map(|v| (0..width).map(move |u| [u, v]));
+        let colors = gray.zip(places).flat_map(|(luma, [u, v])| color_of(luma, self.chroma(frame, encoding.chroma, u, v)));
+        Ok(Picture::Rgb(self.image(colors.collect())))
+    }
+
+    /// Converts a frame to grey, which is its luma if it has chroma. Bytes beyond the last row are ignored.
+    ///
+    /// # Errors
+    /// Those of [`to_picture`](FrameLayout::to_picture).
     pub fn to_gray(&self, frame: &[u8]) -> Result<GrayImage, CameraFault> {
         match self.format.encoding().gray {
-            GraySample::Byte(i) => self.convert(frame, |pixel| pixel[i]),
-            GraySample::Word(shift) => self.convert(frame, |word| (u16::from_le_bytes([word[0], word[1]]) >> shift) as u8),
-            GraySample::Color(rgb) => self.convert(frame, |pixel| gray_of(rgb.map(|i| pixel[i]))),
-            GraySample::Jpeg => self.decode(frame),
+            GraySample::Byte(i) => Ok(self.image(self.pixels(frame)?.map(|pixel| pixel[i]).collect())),
+            _ => self.to_picture(frame).map(|picture| picture.to_gray()),
         }
     }
 
-    /// Converts each pixel's bytes to grey.
-    fn convert(&self, frame: &[u8], gray: impl Fn(&[u8]) -> u8) -> Result<GrayImage, CameraFault> {
+    /// The bytes of each pixel in the first plane, row by row.
+    fn pixels<'a>(&self, frame: &'a [u8]) -> Result<impl Iterator<Item = &'a [u8]> + use<'a>, CameraFault> {
         let (found, expected) = (frame.len() as u64, self.bytes());
         if found < expected {
             return Err(CameraFault::Truncated { found, expected, layout: *self });
         }
-        let [width, height] = self.size;
-        let rows = frame.chunks(self.stride().max(1)).take(height as usize).map(|row| &row[..self.row_bytes()]);
-        let pixels = rows.flat_map(|row| row.chunks_exact(self.pixel_bytes())).map(gray).collect();
-        Ok(GrayImage::from_raw(width, height, pixels).expect("every row has the width of the image"))
+        let (row_bytes, pixel_bytes) = (self.row_bytes(), self.pixel_bytes());
+        let rows = frame.chunks(self.stride().max(1)).take(self.size[1] as usize).map(move |row| &row[..row_bytes]);
+        Ok(rows.flat_map(move |row| row.chunks_exact(pixel_bytes)))
     }
 
-    /// Decodes a JPEG image to grey.
-    fn decode(&self, frame: &[u8]) -> Result<GrayImage, CameraFault> {
+    /// An image of these samples.
+    fn image<P: Pixel<Subpixel = u8>>(&self, samples: Vec<u8>) -> ImageBuffer<P, Vec<u8>> {
+        let [width, height] = self.size;
+        ImageBuffer::from_raw(width, height, samples).expect("every row has the width of the image")
+    }
+
+    /// The chroma of a pixel, blue and red, in a frame that has all of its bytes.
+    fn chroma(&self, frame: &[u8], chroma: Chroma, u: usize, v: usize) -> [u8; 2] {
+        const NEUTRAL: [u8; 2] = [128; 2];
+        match chroma {
+            Chroma::None => NEUTRAL,
+            Chroma::Packed(bytes) => {
+                // The last pixel of an odd row lacks one of them.
+                let Some(last) = (self.size[0] as usize / 2).checked_sub(1) else { return NEUTRAL };
+                let pair = self.stride() * v + 4 * last.min(u / 2);
+                bytes.map(|byte| frame[pair + byte])
+            }
+            Chroma::Planes(planes, first) => {
+                let (stride, rows) = (self.chroma_stride(planes) as usize, self.size[1].div_ceil(2) as usize);
+                let start = self.stride() * self.size[1] as usize + stride * (v / 2);
+                let samples = match planes {
+                    1 => [0, 1].map(|k| frame[start + 2 * (u / 2) + k]),
+                    _ => [0, 1].map(|k| frame[start + stride * rows * k + u / 2]),
+                };
+                match first {
+                    First::Blue => samples,
+                    First::Red => [samples[1], samples[0]],
+                }
+            }
+        }
+    }
+
+    /// Decodes a JPEG image.
+    fn decode(&self, frame: &[u8]) -> Result<Picture, CameraFault> {
         let wrong = |found: String| CameraFault::Jpeg { found, layout: *self };
         let picture = Picture::decode(Path::new(""), frame).map_err(|error| match error {
             Error::Format { found, .. } => wrong(found),
             error => wrong(error.to_string()),
         })?;
         match picture.dimensions() {
-            (width, height) if [width, height] == self.size => Ok(picture.to_gray()),
+            (width, height) if [width, height] == self.size => Ok(picture),
             (width, height) => Err(wrong(format!("an image of {width}x{height}"))),
         }
     }
 }
 
-/// Sums frames of one size.
-#[derive(Default)]
-pub(super) struct FrameMean {
-    count: u32,
-    sums: Vec<u32>,
-}
-
-impl FrameMean {
-    /// Adds a frame. The sums hold up to 65535 frames.
-    pub(super) fn add(&mut self, image: &GrayImage) {
-        self.count += 1;
-        self.sums.resize(image.len(), 0);
-        self.sums.iter_mut().zip(image.as_raw()).for_each(|(sum, &pixel)| *sum += u32::from(pixel));
-    }
-
-    /// The mean, rounded to the nearest, halves up.
-    pub(super) fn image(&self, [width, height]: [u32; 2]) -> GrayImage {
-        let mean = |sum: &u32| ((sum + self.count / 2) / self.count) as u8;
-        GrayImage::from_raw(width, height, self.sums.iter().map(mean).collect()).expect("the frames have this size")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn means_are_rounded() {
-        let mut mean = FrameMean::default();
-        let images = [[0, 255, 10, 1], [1, 255, 10, 1], [1, 254, 13, 1], [0, 255, 10, 0]];
-        for (i, image) in images.into_iter().enumerate() {
-            mean.add(&GrayImage::from_raw(2, 2, image.to_vec()).unwrap());
-            if i == 0 {
-                assert_eq!(mean.image([2, 2]).as_raw(), &image);
-            }
-        }
-        assert_eq!(mean.image([2, 2]).as_raw(), &[1, 255, 11, 1]);
-        let mut white = FrameMean { count: 65534, sums: vec![255 * 65534] };
-        white.add(&GrayImage::from_raw(1, 1, vec![255]).unwrap());
-        assert_eq!(white.image([1, 1]).as_raw(), &[255]);
-    }
+/// The colour of luma and chroma, after ITU-T T.871: red, green and blue.
+fn color_of(luma: u8, chroma: [u8; 2]) -> [u8; 3] {
+    let [blue, red] = chroma.map(|sample| f32::from(sample) - 128.0);
+    let luma = f32::from(luma);
+    // Conversions of floats saturate.
+    [luma + 1.402 * red, luma - 0.344_136 * blue - 0.714_136 * red, luma + 1.772 * blue].map(|channel| channel.round() as u8)
 }

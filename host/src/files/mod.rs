@@ -4,6 +4,7 @@
 mod cloud;
 pub(crate) mod decoded;
 mod disparity_files;
+mod exif;
 mod file_kind;
 mod frame_files;
 pub mod image_codec;
@@ -14,6 +15,7 @@ pub(crate) mod npy;
 pub mod output;
 mod pair_calibration;
 mod pfm;
+mod photo_poses;
 mod picture_files;
 pub mod ply;
 mod rig_file;
@@ -27,10 +29,12 @@ pub use cloud::{Cloud, CloudPoint};
 pub use disparity_files::{
     CornerDisparities, DisparityEncoding, MatchedImages, StoredDisparities, read_disparities, write_depth_mm, write_raw16,
 };
+pub use exif::{ExifFocal, exif_focal};
 pub use frame_files::FrameFiles;
 pub use input::Limits;
 pub use npy::{write_npy, write_npz};
 pub use pair_calibration::PairCalibration;
 pub use pfm::{pfm_bytes, read_pfm, read_pfm_within, write_pfm};
+pub use photo_poses::{PhotoGrid, PosedPhoto};
 pub use rig_file::{AlignmentRecord, FramePose, Provenance, Residual, Rig};
 pub use rig_list::ListedRig;

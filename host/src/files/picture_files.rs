@@ -60,7 +60,6 @@ impl Picture {
     }
 
     /// Decodes the bytes of a file of this path, or of a camera's frame.
-    #[cfg(any(test, all(target_os = "linux", feature = "v4l2")))]
     pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Picture> {
         decode(path, bytes, None, Limits::DEFAULT)
     }

@@ -11,10 +11,12 @@
 //! | `hand_eye` | [`HandEye`]: its place on the tool of an arm |
 //! | `measured_views` | [`MeasuredViews`]: how it stood in each view, as the stage measured it |
 //! | `calibration_files` | the files of ROS, OpenCV and Kalibr, and `camera.toml` |
+//! | `colmap` | photos and their camera from COLMAP's text files |
 //! | `undistortion` | [`LensFile`]: a calibration and its file; [`Undistortion`]: pictures as by an ideal camera |
 
 mod calibration_files;
 mod camera_model;
+mod colmap;
 mod distortion;
 mod hand_eye;
 mod measured_views;
@@ -22,6 +24,7 @@ mod undistortion;
 
 pub(crate) use calibration_files::CameraToml;
 pub use camera_model::{CameraModel, Mount};
+pub use colmap::read_model as read_colmap;
 pub use distortion::{Lens, LensError, LensModel};
 pub use hand_eye::HandEye;
 pub use measured_views::MeasuredViews;

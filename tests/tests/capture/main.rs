@@ -11,6 +11,7 @@ mod hostile_arm;
 mod hostile_command;
 #[cfg(unix)]
 mod hostile_machine;
+mod http;
 mod path;
 mod sequence;
 mod simulated;

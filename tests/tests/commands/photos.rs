@@ -1,4 +1,4 @@
-//! Photos: `multiscopic rig init` on folders of them, and images as cameras store them: turned by an EXIF tag, of 10 to 16 bits,
+//! Photos: `multiscopic rig init` and `rig import` on folders of them, and images as cameras store them: turned by an EXIF tag, of 10 to 16 bits,
 //! grey and in colour.
 
 use std::{
@@ -8,7 +8,7 @@ use std::{
 };
 
 use image::{DynamicImage, GenericImageView, GrayImage, ImageBuffer, ImageEncoder, Luma, Rgb, codecs::png::PngEncoder};
-use multiscopic::{Rig, files::FrameFiles};
+use multiscopic::{CameraModel, Lens, Rig, files::FrameFiles};
 use multiscopic_core::{Frame, View};
 use multiscopic_tests::{program::Invocation, test_images::read_pfm};
 use tempfile::TempDir;
@@ -50,21 +50,107 @@ fn photos_are_found_by_name() {
 }
 
 #[test]
-fn photos_of_a_layout_are_in_rows() {
+fn photos_of_a_layout_are_in_rows_if_asked_for() {
     let names: Vec<String> = (0..9).map(|k| format!("IMG_{k:04}.png")).collect();
     let folder = photos(&names.iter().map(String::as_str).collect::<Vec<_>>());
-    init(folder.path(), &["--layout", "3x3"]).assert_done();
+    init(folder.path(), &["--layout", "3x3", "--row-by-row"]).assert_done();
     let rig = Rig::load(folder.path()).expect("a rig.toml");
     for (name, k) in names.iter().zip(0..) {
         let frame = View::new(k % 3 - 1, k / 3 - 1).map_or(Frame::Center, Frame::View);
         assert_eq!(file(&rig, frame), name);
     }
     let folder = photos(&["a.png", "b.png", "c.png", "d.png", "e.png"]);
-    init(folder.path(), &["--layout", "cross"]).assert_done();
+    init(folder.path(), &["--layout", "cross", "--row-by-row"]).assert_done();
     let rig = Rig::load(folder.path()).expect("a rig.toml");
     let frames = [View::TOP, View::LEFT, View::RIGHT, View::BOTTOM].map(Frame::View);
     assert_eq!(frames.map(|frame| file(&rig, frame)), ["a.png", "b.png", "d.png", "e.png"]);
     assert_eq!(file(&rig, Frame::Center), "c.png");
+}
+
+/// What `capture` says that it takes, one after the other, is what photos in that order become.
+#[test]
+fn photos_of_a_layout_are_in_the_order_of_a_capture() {
+    for (layout, count) in [("cross", 5), ("3x3", 9)] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let rig = folder.path().join("rig");
+        let hardware = ["capture", "--camera", "sim", "--size", "32x24", "--stage", "sim", "--baseline", "1", "--settle", "0"];
+        let quick =
+            ["--speed", "250", "--acceleration", "1200", "--layout", layout, "-o", rig.to_str().expect("a path in UTF-8")];
+        Invocation::new([&hardware[..], &quick].concat()).assert_done();
+        let log = fs::read_to_string(rig.join("capture.log")).expect("a log");
+        let of_line = |line: &str| line.split_once("captured the ")?.1.strip_suffix(" frame").map(String::from);
+        let order: Vec<String> = log.lines().filter_map(of_line).collect();
+        assert_eq!(order.len(), count, "{log}");
+        let names: Vec<String> = (0..count).map(|k| format!("IMG_{k:04}.png")).collect();
+        let folder = photos(&names.iter().map(String::as_str).collect::<Vec<_>>());
+        let run = init(folder.path(), &["--layout", layout]);
+        run.assert_done();
+        for (frame, name) in order.iter().zip(&names) {
+            assert!(run.stderr.contains(&format!("{frame}: {name}\n")), "{frame} is {name}: {run:?}");
+        }
+        if layout == "cross" {
+            assert_eq!(order, ["center", "top", "left", "bottom", "right"], "as the help says");
+        }
+    }
+}
+
+fn import(folder: &Path, options: &[&str]) -> Invocation {
+    Invocation::new([&["rig", "import", folder.to_str().expect("a path in UTF-8")], options].concat())
+}
+
+#[test]
+fn photos_are_found_by_their_positions() {
+    let folder = photos(&["p0.png", "p1.png", "p2.png", "p3.png"]);
+    let table = folder.path().join("positions.csv");
+    fs::write(&table, "name,x_mm,y_mm\np0.png,5,7\np1.png,24.9,7\np2.png,-14.8,7\np3.png,5,-13.1\n").expect("a table");
+    let table = table.to_str().expect("a path in UTF-8");
+    import(folder.path(), &["--positions", table, "--focal-px", "700"]).assert_done();
+    let rig = Rig::load(folder.path()).expect("a rig.toml");
+    assert_eq!(
+        [Frame::Center, Frame::View(View::RIGHT), Frame::View(View::LEFT), Frame::View(View::TOP)].map(|frame| file(&rig, frame)),
+        ["p0.png", "p1.png", "p2.png", "p3.png"]
+    );
+    // The mean of 19.9, 19.8 and 20.1.
+    assert!((rig.baseline_mm.expect("a baseline") - 59.8 / 3.0).abs() < 1e-9 && rig.focal_px == Some(700.0), "{rig:?}");
+    import(folder.path(), &["--positions", table]).assert_refused(&["rig.toml is there already"]);
+    let folder = photos(&["p0.png", "p1.png", "p2.png", "p3.png"]);
+    import(folder.path(), &["--positions", table, "--baseline-mm", "15"])
+        .assert_refused(&["stands 1.33 baselines to the right of p0.png, 0.00 below", "only whole multiples"]);
+    import(folder.path(), &["--positions", table, "--center", "p9.png"]).assert_refused(&["no photo is named p9.png"]);
+    import(folder.path(), &[]).assert_refused(&["--positions"]);
+}
+
+#[test]
+fn photos_of_colmap_bring_their_camera() {
+    let folder = photos(&["p0.png", "p1.png", "p2.png"]);
+    let model = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| model.path().join(name);
+    fs::write(at("cameras.txt"), "1 SIMPLE_RADIAL 8 6 9.5 4.0 3.0 -0.01\n").expect("cameras");
+    // World to camera: the photo p1 is two units to the right of p0, p2 as far below.
+    let images = "1 1 0 0 0 0 0 1 1 p0.png\n\n2 1 0 0 0 -2 0 1 1 p1.png\n\n3 1 0 0 0 0 -2 1 1 p2.png\n\n";
+    fs::write(at("images.txt"), images).expect("images");
+    let colmap = model.path().to_str().expect("a path in UTF-8");
+    import(folder.path(), &["--colmap", colmap, "--baseline-mm", "30"]).assert_done();
+    let rig = Rig::load(folder.path()).expect("a rig.toml");
+    let files = [Frame::Center, Frame::View(View::RIGHT), Frame::View(View::BOTTOM)].map(|frame| file(&rig, frame));
+    assert_eq!(files, ["p0.png", "p1.png", "p2.png"]);
+    assert_eq!((rig.baseline_mm, rig.focal_px, rig.principal_point), (Some(30.0), Some(9.5), Some([3.5, 2.5])));
+    let camera = CameraModel::read(&folder.path().join("camera.toml")).expect("a calibration");
+    assert_eq!((camera.size, camera.focal_px), (Some([8, 6]), [9.5; 2]));
+}
+
+/// ROS's camera_info becomes the calibration of photos.
+#[test]
+fn a_lens_is_kept_beside_photos() {
+    let folder = photos(&["center.png", "left.png"]);
+    let lens = CameraModel { size: Some([8, 6]), focal_px: [9.0, 9.25], principal_point: [3.5, 2.5], lens: Lens::IDEAL };
+    let info = tempfile::tempdir().expect("a folder");
+    let path = info.path().join("ost.yaml");
+    lens.save(&path).expect("a camera_info");
+    init(folder.path(), &["--lens", path.to_str().expect("a path in UTF-8")]).assert_done();
+    let rig = Rig::load(folder.path()).expect("a rig.toml");
+    assert_eq!((rig.lens.as_deref(), rig.focal_px), (Some(Path::new("camera.toml")), Some(9.0)));
+    assert_eq!(CameraModel::read(&folder.path().join("camera.toml")).expect("a calibration"), lens);
 }
 
 #[test]

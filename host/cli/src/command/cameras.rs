@@ -9,7 +9,7 @@ use multiscopic::{
     Error, Picture, Result,
     capture::{
         BlockingCamera, SimulatedCamera,
-        camera::{ExecCamera, V4l2Camera},
+        camera::{ExecCamera, HttpCamera, V4l2Camera},
     },
 };
 
@@ -24,6 +24,8 @@ pub enum AnyCamera {
     V4l2(Box<V4l2Camera>, UnlockedNote),
     /// A command that takes pictures.
     Exec(Box<ExecCamera>),
+    /// A camera of a network.
+    Http(Box<HttpCamera>),
     /// One without hardware.
     Simulated(Box<SimulatedCamera>),
 }
@@ -32,24 +34,33 @@ impl AnyCamera {
     /// Opens a real camera. Its note goes to `note`.
     pub fn open(camera: &RealCamera, options: &SettingsOptions, note: &UnlockedNote) -> Result<AnyCamera> {
         let settings = options.settings();
+        let refused = |place: &str| match options.of_device() {
+            Some(option) => Err(Error::Usage(format!("{option} is for V4L2 cameras: set it {place}"))),
+            None => Ok(()),
+        };
         match camera {
             RealCamera::Device(path) => Ok(AnyCamera::V4l2(Box::new(V4l2Camera::open(path, &settings)?), note.clone())),
             RealCamera::Exec(command) => {
-                if let Some(option) = options.of_device() {
-                    return Err(Error::Usage(format!(
-                        "{option} is for V4L2 cameras: set it in the command behind --camera exec:, which the camera belongs to"
-                    )));
-                }
+                refused("in the command behind --camera exec:, which the camera belongs to")?;
                 Ok(AnyCamera::Exec(Box::new(ExecCamera::open(command, settings.average)?)))
+            }
+            RealCamera::Http(url) => {
+                refused("in the camera itself, or in its address")?;
+                Ok(AnyCamera::Http(Box::new(HttpCamera::new(url.clone(), settings.average))))
             }
         }
     }
 
-    /// The camera in words, and the width and height of its pictures in pixels. A command takes one to find out.
+    /// The camera in words, and the width and height of its pictures in pixels. A command and a camera of a network take one to find
+    /// out.
     pub fn describe(&mut self, timeout: Duration) -> Result<(String, [u32; 2])> {
         Ok(match self {
             AnyCamera::V4l2(camera, _) => (camera.to_string(), camera.size()),
             AnyCamera::Exec(camera) => {
+                let size = camera.take(timeout, &AtomicBool::new(false))?.dimensions().into();
+                (camera.to_string(), size)
+            }
+            AnyCamera::Http(camera) => {
                 let size = camera.take(timeout, &AtomicBool::new(false))?.dimensions().into();
                 (camera.to_string(), size)
             }
@@ -71,6 +82,7 @@ impl BlockingCamera for AnyCamera {
                 Ok(picture)
             }
             AnyCamera::Exec(camera) => Ok(camera.take(timeout, is_cancelled)?),
+            AnyCamera::Http(camera) => Ok(camera.take(timeout, is_cancelled)?),
             AnyCamera::Simulated(camera) => camera.take(timeout, is_cancelled).map_err(|never| match never {}),
         }
     }

@@ -6,6 +6,7 @@
 //! | [`CameraSettings`] | format, size, warm-up, averaging, locked controls |
 //! | [`V4l2Camera`] | an open camera; without the feature `v4l2` or off Linux, none can be opened |
 //! | [`ExecCamera`] | a command that takes pictures |
+//! | [`HttpCamera`], [`HttpUrl`] | a camera of a network that sends JPEG pictures |
 //! | [`PixelFormat`], `FrameLayout` | how frames are encoded, and their conversion to pictures |
 //! | [`CameraError`], `CameraFault` | what went wrong, and what to do |
 //!
@@ -21,6 +22,7 @@
 //! ```
 
 mod exec;
+mod http;
 mod picture_mean;
 mod pixel_format;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
@@ -33,6 +35,7 @@ use std::{num::NonZeroU16, path::PathBuf};
 use serde::Serialize;
 
 pub use exec::ExecCamera;
+pub use http::{HttpCamera, HttpError, HttpFault, HttpUrl};
 pub use pixel_format::PixelFormat;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
 pub use unsupported::{CameraError, V4l2Camera, list};

@@ -83,7 +83,7 @@ impl TunedRig {
             .with_frames(&frames, frames.color(Frame::Center))
             .with_truth(truth.as_ref());
         let center = match &undistortion {
-            Some(undistortion) => undistortion.picture(&center),
+            Some(undistortion) => undistortion.picture(Frame::Center, &center),
             None => center,
         };
         let (folder, suited) = (folder.into(), Default::default());

@@ -1,12 +1,12 @@
 //! The camera, the stage that moves it, and the sequence that runs both.
 
-use std::{convert::Infallible, num::NonZeroU16, path::PathBuf, str::FromStr, time::Duration};
+use std::{num::NonZeroU16, path::PathBuf, str::FromStr, time::Duration};
 
 use clap::Args;
 use multiscopic::{
     Error, Result,
     capture::{
-        camera::{CameraSettings, PixelFormat},
+        camera::{CameraSettings, HttpUrl, PixelFormat},
         stage::{Limits, StageSpec},
     },
 };
@@ -23,9 +23,10 @@ const MANUAL_MOVE_TIMEOUT: Duration = Duration::from_secs(24 * 3600);
 /// The camera and the stage.
 #[derive(Clone, Debug, Args)]
 pub struct HardwareOptions {
-    /// V4L2 camera, as listed by `multiscopic devices`; a command that takes pictures; or a simulated camera that sees the scene of
-    /// the demo from where the stage says it is. FILE.toml tells what is wrong with the simulated rig: its lens, its mount, its stage
-    #[arg(long, value_name = "/dev/videoN|exec:COMMAND|sim[:FILE.toml]")]
+    /// V4L2 camera, as listed by `multiscopic devices`; a camera of a network; a command that takes pictures; or a simulated camera
+    /// that sees the scene of the demo from where the stage says it is. FILE.toml tells what is wrong with the simulated rig: its
+    /// lens, its mount, its stage
+    #[arg(long, value_name = "/dev/videoN|http://HOST/PATH|exec:COMMAND|sim[:FILE.toml]")]
     pub camera: CameraSpec,
 
     /// Stage that moves the camera in its image plane: a Universal Robots arm, a machine with G-code, a command that moves
@@ -59,13 +60,22 @@ pub enum RealCamera {
     Device(PathBuf),
     /// `exec:COMMAND`: a command that takes pictures.
     Exec(String),
+    /// `http://HOST[:PORT][/PATH]`: a camera of a network.
+    Http(HttpUrl),
 }
 
 impl FromStr for CameraSpec {
-    type Err = Infallible;
+    type Err = Error;
 
-    fn from_str(text: &str) -> std::result::Result<CameraSpec, Infallible> {
+    fn from_str(text: &str) -> Result<CameraSpec> {
         Ok(match text.split_once(':') {
+            Some(("http", _)) => CameraSpec::Real(RealCamera::Http(text.parse()?)),
+            Some((scheme @ ("https" | "rtsp" | "rtsps"), _)) => {
+                return Err(Error::Usage(format!(
+                    "{scheme} is read by GStreamer: --camera \"exec:sh camera_gstreamer.sh uridecodebin uri={text}\", with the script in \
+                     host/examples/exec"
+                )));
+            }
             Some(("sim", file)) => CameraSpec::Simulated(Some(file.into())),
             None if text == "sim" => CameraSpec::Simulated(None),
             Some(("exec", command)) => CameraSpec::Real(RealCamera::Exec(command.into())),

@@ -136,7 +136,14 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         "rig init",
         &[
             ("center.jpg, left.jpg, 1,-1.jpg ...", "multiscopic rig init photos --baseline-mm 20"),
-            ("IMG_0001.jpg to IMG_0009.jpg, row by row", "multiscopic rig init photos --baseline-mm 20 --layout 3x3"),
+            ("IMG_0001.jpg to IMG_0005.jpg, as `capture` moves", "multiscopic rig init photos --baseline-mm 20 --layout cross"),
+        ],
+    ),
+    (
+        "rig import",
+        &[
+            ("With the columns name,x_mm,y_mm", "multiscopic rig import photos --positions places.csv --lens camera.toml"),
+            ("With COLMAP's cameras.txt and images.txt", "multiscopic rig import photos --colmap sparse --baseline-mm 20"),
         ],
     ),
     (

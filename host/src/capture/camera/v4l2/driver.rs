@@ -82,7 +82,8 @@ pub enum CameraFault {
     },
     /// The device has only the multi-planar interface.
     #[error(
-        "found a device with the multi-planar interface only, like many camera ports of boards; this is not supported: use a single-planar device"
+        "found a device with the multi-planar interface only, like many camera ports of boards; this is not supported: use libcamera or \
+         GStreamer by `--camera exec:` and camera_rpicam.sh or camera_gstreamer.sh"
     )]
     MultiPlanar,
     /// The device is in use.

@@ -1,4 +1,4 @@
-//! `multiscopic rig`: folders of photos as rigs.
+//! `multiscopic rig init`: photos whose names, or whose order, tell their places.
 
 use std::{
     fs,
@@ -6,41 +6,24 @@ use std::{
     process::ExitCode,
 };
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use multiscopic::{
-    Error, Frames, Result, Rig,
+    Error, Picture, Result, Rig,
     files::{FrameFiles, PairCalibration},
     images::Layout,
 };
-use multiscopic_core::{Frame, View};
+use multiscopic_core::{Frame, View, capture::Plan};
 
-use super::{
-    limits,
-    options::{
-        BitsOption, depth_of,
-        value::{point, positive},
-    },
-    terminal,
-};
-
-/// Describes folders of photos that were not taken by `multiscopic capture`
-#[derive(Clone, Debug, Args)]
-pub struct RigCommand {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(Clone, Debug, Subcommand)]
-enum Action {
-    Init(Init),
-}
+use super::CameraOptions;
+use crate::command::{limits, options::value::positive};
 
 /// Writes the rig.toml of a folder of photos
 ///
 /// Photos are found by their names: center.jpg, left.jpg, 1,-1.jpg and so on, as in `match --view`. With --layout they may have
-/// any names, and are taken in the order of their names, row by row: those of a cross are top, left, centre, right, bottom.
+/// any names, whose order is the one in which `multiscopic capture --layout` takes them: those of a cross are
+/// centre, top, left, bottom, right.
 #[derive(Clone, Debug, Args)]
-struct Init {
+pub struct Init {
     /// Folder of the photos
     #[arg(value_name = "DIR")]
     directory: PathBuf,
@@ -53,70 +36,42 @@ struct Init {
     #[arg(long, value_name = "cross|3x3|RxC")]
     layout: Option<Layout>,
 
+    /// Take the photos of --layout row by row, as those of a light field are numbered: a cross is top, left, centre, right, bottom
+    #[arg(long, requires = "layout")]
+    row_by_row: bool,
+
     /// Calibration of a rectified pair, for what is not given: a calib.txt of Middlebury, or a file of KITTI with P2 and P3 (or
     /// P_rect_02 and P_rect_03), whose left image is the centre
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "lens")]
     calibration: Option<PathBuf>,
 
-    /// Focal length in pixels; depth needs it
-    #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
-    focal_px: Option<f64>,
-
-    /// Point where the optical axis meets the image, in pixels from the centre of the top left pixel [default: the
-    /// middle of the image]
-    #[arg(long, value_name = "CX,CY", value_parser = point, allow_negative_numbers = true)]
-    principal_point: Option<[f64; 2]>,
-
     #[command(flatten)]
-    bits: BitsOption,
-}
-
-impl RigCommand {
-    /// Runs the command.
-    pub fn run(&self) -> Result<ExitCode> {
-        let Action::Init(init) = &self.action;
-        init.run()
-    }
+    camera: CameraOptions,
 }
 
 impl Init {
-    fn run(&self) -> Result<ExitCode> {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
         let directory = &self.directory;
-        if directory.join(Rig::FILE_NAME).exists() {
-            let path = directory.join(Rig::FILE_NAME);
-            return Err(Error::Usage(format!("{} is there already: change it by hand, or move it away", path.display())));
-        }
+        let calibration = self.camera.calibration()?;
+        self.camera.check_folder(directory, calibration.is_some())?;
         let photos = photos(directory)?;
-        let mut images = match self.layout {
-            Some(layout) => in_layout(directory, &photos, layout)?,
+        let images = match self.layout {
+            Some(layout) => in_layout(directory, &photos, layout, self.row_by_row)?,
             None => by_name(directory, &photos)?,
         };
-        let files = images.within(directory);
-        images.bits = depth_of(&self.bits, None, &files.paths().collect::<Vec<_>>())?;
-        // Reading them all finds photos of different sizes now instead of later.
-        let (frames, _) = Frames::load_each(&images.within(directory), limits(), |_, _| Ok(None))?;
-        let pair = self.calibration.as_deref().map(|path| self.pair(path, &frames)).transpose()?;
+        let pair = self.calibration.as_deref().map(|path| self.pair(path, &images)).transpose()?;
         let known = Rig::of_pair(pair.as_ref(), images);
-        let rig = Rig {
-            baseline_mm: self.baseline_mm.or(known.baseline_mm),
-            focal_px: self.focal_px.or(known.focal_px),
-            principal_point: self.principal_point.or(known.principal_point),
-            ..known
-        };
-        rig.save(directory)?;
-        for frame in [Frame::Center].into_iter().chain(frames.views().iter().map(Frame::View)) {
-            let file = rig.images.get(frame).unwrap_or(Path::new(""));
-            terminal::say(&format!("{frame}: {}", file.display()));
-        }
-        terminal::say(&format!("wrote {}", directory.join(Rig::FILE_NAME).display()));
-        Ok(ExitCode::SUCCESS)
+        let known = Rig { baseline_mm: self.baseline_mm.or(known.baseline_mm), ..known };
+        self.camera.write(directory, known, calibration)
     }
 
-    /// The calibration of the frames, which must be a pair of its size.
-    fn pair(&self, path: &Path, frames: &Frames) -> Result<PairCalibration> {
+    /// The calibration of the photos, which must be a pair of its size.
+    fn pair(&self, path: &Path, images: &FrameFiles) -> Result<PairCalibration> {
         let pair = PairCalibration::read(path)?;
-        pair.check_size(path, frames.size())?;
-        if !frames.views().iter().eq([View::RIGHT]) {
+        let (width, height) = Picture::read_within(&self.directory.join(&images.center), None, limits())?.dimensions();
+        pair.check_size(path, [width as usize, height as usize])?;
+        if !images.views().iter().eq([View::RIGHT]) {
             let path = path.display();
             return Err(Error::Usage(format!(
                 "{path} calibrates a pair: name its left image center, its right one right, and no other"
@@ -173,14 +128,15 @@ fn by_name(directory: &Path, photos: &[PathBuf]) -> Result<FrameFiles> {
     }
 }
 
-/// The photos as those of a layout, row by row.
-fn in_layout(directory: &Path, photos: &[PathBuf], layout: Layout) -> Result<FrameFiles> {
-    let views = layout.views();
-    let mut frames: Vec<Frame> = [Frame::Center].into_iter().chain(views.iter().map(Frame::View)).collect();
-    frames.sort_unstable_by_key(|frame| match frame {
-        Frame::Center => (0, 0),
-        Frame::View(view) => (view.down(), view.right()),
-    });
+/// The photos as those of a layout: in the order of a capture, or row by row.
+fn in_layout(directory: &Path, photos: &[PathBuf], layout: Layout, row_by_row: bool) -> Result<FrameFiles> {
+    let mut frames = Plan::new(layout.views(), 1000).shortened(0).frames().to_vec();
+    if row_by_row {
+        frames.sort_unstable_by_key(|frame| match frame {
+            Frame::Center => (0, 0),
+            Frame::View(view) => (view.down(), view.right()),
+        });
+    }
     if photos.len() != frames.len() {
         let (directory, found, expected) = (directory.display(), photos.len(), frames.len());
         return Err(Error::Usage(format!("{directory} has {found} photos, but a layout of {layout} has {expected}")));

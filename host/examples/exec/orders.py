@@ -53,6 +53,15 @@ def serve(answers, orders):
     answers["stop"]("")
 
 
+def pose(position, quaternion):
+    """What follows the position in an answer to `where`: a place in metres, as millimetres, and a turn as an axis times degrees."""
+    vector = [quaternion.x, quaternion.y, quaternion.z]
+    length = math.hypot(*vector)
+    angle = 2 * math.atan2(length, quaternion.w)
+    turn = [math.degrees(angle) * part / length if length else 0.0 for part in vector]
+    return [1000 * position.x, 1000 * position.y, 1000 * position.z, *turn]
+
+
 def numbers(text, count):
     """So many finite numbers."""
     found = [float(word) for word in text.split()]

@@ -18,7 +18,7 @@ from moveit_msgs.msg import MoveItErrorCodes
 from moveit_msgs.srv import GetCartesianPath
 from rclpy.action import ActionClient
 
-from orders import Orders, Stopped, numbers, serve
+from orders import Orders, Stopped, numbers, pose, serve
 
 PATIENCE_S = 10.0
 POLL_S = 0.02
@@ -82,10 +82,11 @@ class Arm:
         self.speed, self.start = speed / 1000, self.pose()
 
     def where(self, _=""):
-        here, start = self.pose().translation, self.start.translation
+        found, start = self.pose(), self.start.translation
+        here = found.translation
         way = (here.x - start.x, here.y - start.y, here.z - start.z)
         axes = [turned(axis, self.start.rotation) for axis in ((1, 0, 0), (0, 1, 0))]
-        return [1000 * sum(a * b for a, b in zip(way, axis)) for axis in axes]
+        return [1000 * sum(a * b for a, b in zip(way, axis)) for axis in axes] + pose(here, found.rotation)
 
     def move(self, text):
         x, y = numbers(text, 2)

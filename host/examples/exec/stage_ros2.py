@@ -13,7 +13,7 @@ import time
 import rclpy
 from geometry_msgs.msg import PoseStamped
 
-from orders import Orders, numbers, serve
+from orders import Orders, numbers, pose, serve
 
 PATIENCE_S = 10.0
 PERIOD_S = 0.02
@@ -56,10 +56,14 @@ class Tool:
         self.speed, _ = numbers(text, 2)
         self.start = self.fresh()
 
-    def where(self, _=""):
-        here, start = self.fresh().pose.position, self.start.pose.position
+    def offset(self, here):
+        start = self.start.pose.position
         way = (here.x - start.x, here.y - start.y, here.z - start.z)
         return [1000 * sum(a * b for a, b in zip(way, axis)) for axis in axes(self.start.pose.orientation)]
+
+    def where(self, _=""):
+        found = self.fresh().pose
+        return self.offset(found.position) + pose(found.position, found.orientation)
 
     def send(self, right, down):
         target, start = PoseStamped(), self.start.pose
@@ -78,7 +82,7 @@ class Tool:
             self.orders.check(PERIOD_S)
             self.send(*(a + (b - a) * step / steps for a, b in zip(start, goal)))
         end = time.monotonic() + PATIENCE_S
-        while math.dist(self.where(), goal) > TOLERANCE_MM:
+        while math.dist(self.offset(self.fresh().pose.position), goal) > TOLERANCE_MM:
             self.orders.check()
             if time.monotonic() > end:
                 raise RuntimeError("it does not come to its target")
@@ -86,7 +90,7 @@ class Tool:
     def stop(self, _=""):
         """Holds it where it is."""
         if self.start is not None:
-            here = self.where()
+            here = self.offset(self.fresh().pose.position)
             if math.dist(here, self.sent) > TOLERANCE_MM:
                 self.send(*here)
 

@@ -17,8 +17,9 @@ use multiscopic::{
     Picture, Rig,
     capture::{
         camera::ExecCamera,
-        stage::{self, AnyStage, Limits, StageError, StageSpec},
+        stage::{self, AnyStage, Limits, PosedStage, StageError, StageSpec},
     },
+    images::Transform,
 };
 use multiscopic_core::{
     Frame, View,
@@ -69,6 +70,13 @@ fn arrive(stage: &mut AnyStage, position: Position) -> Result<(), StageError> {
 fn assert_near(measured: Option<Position>, expected: Position) {
     let measured = measured.expect("a measured position");
     assert!(measured.distance_um(expected) < 150, "{measured:?} instead of {expected:?}");
+}
+
+/// The tool of the stubs looks down: it is turned by 180 degrees about the x axis.
+fn assert_pose(measured: Option<Transform>, expected_mm: [f64; 3]) {
+    let Transform { translation_mm, rotation_deg } = measured.expect("a measured pose");
+    let off = |found: [f64; 3], expected: [f64; 3]| found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off(translation_mm, expected_mm) < 0.15 && off(rotation_deg, [180.0, 0.0, 0.0]) < 1e-3, "{measured:?}");
 }
 
 /// Moves a stage whose speed is 20 mm/s, sees that it stops on its way, and drops it. Returns what its hardware was told.
@@ -170,6 +178,7 @@ fn an_arm_is_moved_by_moveit() {
     assert!(told[1].starts_with("to 0.3430") && told[2] == "cancelled", "{told:?}");
     assert_eq!(last_target(&told), [0.4, -0.2, 0.5]);
     let mut stage = open(&command, &limits(20.0)).unwrap();
+    assert_pose(stage.pose().unwrap(), [400.0, -200.0, 500.0]);
     let before = fs::read_to_string(&events).unwrap();
     let refusal = arrive(&mut stage, at(95, 0)).unwrap_err().to_string();
     assert!(refusal.contains("MoveIt finds 40 % of a straight way"), "{refusal}");
@@ -180,7 +189,9 @@ fn an_arm_is_moved_by_moveit() {
 fn a_tool_is_moved_by_topics() {
     let dir = tempfile::tempdir().unwrap();
     let events = dir.path().join("events");
-    let told = exercise(&with_ros(&events, "stage_ros2.py /target_frame /current_pose"), &events);
+    let command = with_ros(&events, "stage_ros2.py /target_frame /current_pose");
+    let told = exercise(&command, &events);
+    assert_pose(open(&command, &limits(20.0)).unwrap().pose().unwrap(), [400.0, -200.0, 500.0]);
     assert!(told.contains(&"to 0.4030 -0.1980 0.5000".into()), "{told:?}");
     assert_eq!(last_target(&told), [0.4, -0.2, 0.5]);
     // At 20 mm/s, a step of 20 ms is 0.4 mm.

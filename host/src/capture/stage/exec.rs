@@ -4,7 +4,8 @@
 //! | --- | --- | --- |
 //! | `open SPEED ACCELERATION` | `ok` | it is ready and stands still at (0, 0); mm/s and mm/s² for the moves to come |
 //! | `move X Y` | `ok`, once it stands still there | millimetres to the right of where it was opened, and below it |
-//! | `where` | `ok`, or `ok X Y` if it measures its position | its position in millimetres |
+//! | `where` | `ok X Y`, or `ok` if it does not measure | its position in millimetres |
+//! | | `ok X Y PX PY PZ RX RY RZ` of an arm | also its tool's pose in its base: in mm, and an axis times degrees |
 //! | `stop` | `ok`, once it stands still | comes also before a move is answered, which is then answered first |
 
 use std::{
@@ -15,9 +16,12 @@ use std::{
 use multiscopic_core::capture::{Position, Stage};
 
 use super::{error::StageError, limits::Limits, posed::PosedStage};
-use crate::capture::{
-    Clock, SystemClock,
-    exec::{ChildPort, Dialog, ExecError, ExecFault},
+use crate::{
+    capture::{
+        Clock, SystemClock,
+        exec::{ChildPort, Dialog, ExecError, ExecFault},
+    },
+    images::Transform,
 };
 
 /// The largest coordinate that a command may report, in millimetres.
@@ -73,6 +77,17 @@ pub fn connect_with_clock<P: Read + Write>(
 }
 
 impl<P: Read + Write> ExecStage<P> {
+    /// The position and the pose that it measures, as far as it does, unless it is moving.
+    fn whereabouts(&mut self) -> Result<Whereabouts, StageError> {
+        if self.motion == Motion::Moving {
+            return Ok((None, None));
+        }
+        let answer = self.dialog.ask("where", self.limits.silence_timeout)?;
+        parse_whereabouts(&answer).ok_or_else(|| {
+            self.dialog.babble(&format!("ok {answer}"), "ok, ok X Y, or ok X Y PX PY PZ RX RY RZ with numbers").into()
+        })
+    }
+
     /// Ends a command that did not say that the stage has stopped.
     fn not_stopped(&mut self) -> ExecError {
         self.dialog.end(ExecFault::NotStopped)
@@ -112,14 +127,7 @@ impl<P: Read + Write> Stage for ExecStage<P> {
     }
 
     fn position(&mut self) -> Result<Option<Position>, StageError> {
-        if self.motion == Motion::Moving {
-            return Ok(None);
-        }
-        let answer = self.dialog.ask("where", self.limits.silence_timeout)?;
-        match parse_position(&answer) {
-            Some(position) => Ok(position),
-            None => Err(self.dialog.babble(&format!("ok {answer}"), "ok, or ok X Y with two numbers of millimetres").into()),
-        }
+        self.whereabouts().map(|(position, _)| position)
     }
 
     fn stop(&mut self) -> Result<(), StageError> {
@@ -147,7 +155,11 @@ impl<P: Read + Write> Stage for ExecStage<P> {
     }
 }
 
-impl<P: Read + Write> PosedStage for ExecStage<P> {}
+impl<P: Read + Write> PosedStage for ExecStage<P> {
+    fn pose(&mut self) -> Result<Option<Transform>, StageError> {
+        self.whereabouts().map(|(_, pose)| pose)
+    }
+}
 
 impl<P: Read + Write> Drop for ExecStage<P> {
     fn drop(&mut self) {
@@ -158,15 +170,21 @@ impl<P: Read + Write> Drop for ExecStage<P> {
     }
 }
 
-/// The position in the words behind `ok`: none, or two numbers of millimetres. `None` if they are something else.
-fn parse_position(answer: &str) -> Option<Option<Position>> {
-    let um = |word: &str| {
-        let mm = word.parse().ok().filter(|mm: &f64| mm.abs() <= MOST_MM)?;
-        Some((mm * 1e3).round() as i32)
-    };
-    match answer.split_whitespace().collect::<Vec<_>>()[..] {
-        [] => Some(None),
-        [x, y] => Some(Some(Position { x_um: um(x)?, y_um: um(y)? })),
+/// A position and a pose, as far as a stage measures them.
+type Whereabouts = (Option<Position>, Option<Transform>);
+
+/// The whereabouts in the words behind `ok`. `None` if they are something else.
+fn parse_whereabouts(answer: &str) -> Option<Whereabouts> {
+    let numbers = answer.split_whitespace().map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>()?;
+    let um = |mm: f64| (mm.abs() <= MOST_MM).then_some((mm * 1e3).round() as i32);
+    let position = |x, y| Some(Position { x_um: um(x)?, y_um: um(y)? });
+    match numbers[..] {
+        [] => Some((None, None)),
+        [x, y] => Some((Some(position(x, y)?), None)),
+        [x, y, px, py, pz, rx, ry, rz] => {
+            let pose = Transform { translation_mm: [px, py, pz], rotation_deg: [rx, ry, rz] };
+            pose.is_plausible().then_some((Some(position(x, y)?), Some(pose)))
+        }
         _ => None,
     }
 }

@@ -9,6 +9,7 @@ use multiscopic::{
         Cloud,
         ply::{self, Encoding},
     },
+    images::{FrameTree, PointFrame},
     stereo::confidence_map::ConfidenceMap,
 };
 use numpy::{PyArray2, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -193,8 +194,14 @@ impl MatchResult {
     ) -> PyResult<()> {
         let geometry = self.geometry(focal_px, baseline_mm, doffs, principal_point)?;
         let encoding = if ascii { Encoding::Ascii } else { Encoding::Binary };
-        let cloud =
-            Cloud { disparities: &self.map, confidences: self.confidences.as_ref(), center: &self.center, geometry: &geometry };
+        let cloud = Cloud {
+            disparities: &self.map,
+            confidences: self.confidences.as_ref(),
+            center: &self.center,
+            geometry: &geometry,
+            frame: PointFrame::Camera,
+            frames: FrameTree::default(),
+        };
         py.detach(|| ply::write(&path, &cloud, encoding)).map_err(exception)
     }
 

@@ -6,7 +6,10 @@ use clap::{
     Arg,
     builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
 };
-use multiscopic::{Dataset, Error, Geometry, LensModel, Processor, Result, images::Colormap};
+use multiscopic::{
+    Dataset, Error, Geometry, LensModel, Processor, Result,
+    images::{Colormap, PointFrame},
+};
 use multiscopic_core::Fusion;
 
 /// Parses a finite number.
@@ -157,6 +160,22 @@ impl Named for Dataset {
             Dataset::Middlebury2005Full => "Middlebury 2005 at full size: three views in a row",
             Dataset::Tsukuba => "Tsukuba's head and lamp: one scene, an array of 5x5 views",
             Dataset::Hci4d(_) => "The HCI's 4D light fields: arrays of 9x9 cameras, of which every fourth is used by default",
+        }
+    }
+}
+
+impl Named for PointFrame {
+    const ALL: &'static [PointFrame] = &[PointFrame::Camera, PointFrame::Tool, PointFrame::Base];
+
+    fn name(&self) -> &'static str {
+        PointFrame::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            PointFrame::Camera => "The camera's where it took the centre: x to the right, y down, z ahead",
+            PointFrame::Tool => "That of the tool that carries the camera; needs --hand-eye",
+            PointFrame::Base => "That of the arm's base; needs --hand-eye, and a rig.toml with the pose of the tool",
         }
     }
 }

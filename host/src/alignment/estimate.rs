@@ -26,7 +26,7 @@ use super::{
 use crate::{
     error::{AlignmentError, Error, Result, Warning},
     files::{AlignmentRecord, Residual},
-    images::{Frames, Geometry, Picture},
+    images::{Frames, Geometry, Picture, Transform},
     lens::Undistortion,
     statistics::median,
 };
@@ -396,9 +396,9 @@ impl Alignment {
         Some(Map { source: self.source, rectified: self.target, matrix: matrix * self.common.inverse() })
     }
 
-    /// From the rays of rectified frames to those of the centre.
-    pub(crate) fn to_center(&self) -> Rotation3<f64> {
-        self.common.inverse()
+    /// The transform from the camera of rectified frames to that of the centre.
+    pub fn rectified_in_center(&self) -> Transform {
+        Transform::rotation(&self.common.inverse())
     }
 
     /// The frames, rectified and with their brightness corrected. Where views are off their places, they show what is on a

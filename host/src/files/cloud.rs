@@ -1,15 +1,14 @@
 //! The points of a disparity map: what files of point clouds and recordings are made of.
 
 use multiscopic_core::Disparity;
+use nalgebra::{Isometry3, Point3};
 
 use crate::{
     error::{Error, Result},
-    images::{DisparityMap, Geometry, Picture, Raster},
+    images::{DisparityMap, FrameTree, Geometry, Picture, PointFrame, Raster, Transform},
 };
 
-/// A disparity map with what makes it a cloud of points.
-///
-/// Its points are in the frame of the centre camera: x to the right, y down, z along the optical axis.
+/// A disparity map with what makes it a cloud of points, in any frame that is known.
 #[derive(Clone, Copy, Debug)]
 pub struct Cloud<'a> {
     /// The disparities.
@@ -20,6 +19,10 @@ pub struct Cloud<'a> {
     pub center: &'a Picture,
     /// The camera.
     pub geometry: &'a Geometry,
+    /// The frame of the points.
+    pub frame: PointFrame,
+    /// Where the frames are.
+    pub frames: FrameTree,
 }
 
 /// A point of a cloud.
@@ -37,11 +40,14 @@ impl Cloud<'_> {
     /// Checks that the pixels of all belong together.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the centre and the disparities differ in size.
+    /// [`Error::Usage`] if the centre and the disparities differ in size, or the frame of the points is not known.
     ///
     /// # Panics
     /// If the confidences and the disparities differ in size.
     pub fn check(&self) -> Result<()> {
+        if self.frames.from_rectified(self.frame).is_none() {
+            return Err(Error::Usage(format!("it is not known where the frame {} of the points is", self.frame.name())));
+        }
         let size = (self.disparities.width(), self.disparities.height());
         let (width, height) = size;
         let (w, h) = self.center.dimensions();
@@ -60,11 +66,19 @@ impl Cloud<'_> {
     pub fn points(&self) -> impl Iterator<Item = CloudPoint> {
         let rows = self.disparities.rows().enumerate();
         let pixels = rows.flat_map(|(v, row)| row.iter().enumerate().map(move |(u, &pixel)| (u, v, pixel)));
-        pixels.filter_map(|(u, v, pixel)| self.point(u, v, pixel?))
+        // Points of a camera that needs no rectification stay as they are, to the last bit.
+        let transform = self.frames.from_rectified(self.frame).filter(|transform| *transform != Transform::IDENTITY);
+        let transform = transform.map(|transform| transform.isometry());
+        pixels.filter_map(move |(u, v, pixel)| self.point(u, v, pixel?, transform.as_ref()))
     }
 
-    fn point(&self, u: usize, v: usize, disparity: Disparity) -> Option<CloudPoint> {
-        let metres = self.geometry.point(u, v, disparity)?.map(|metres| metres as f32);
+    fn point(&self, u: usize, v: usize, disparity: Disparity, transform: Option<&Isometry3<f64>>) -> Option<CloudPoint> {
+        let point = self.geometry.point(u, v, disparity)?;
+        let metres = match transform {
+            None => point,
+            Some(transform) => (transform * Point3::from(point.map(|metres| 1000.0 * metres)) / 1000.0).into(),
+        };
+        let metres = metres.map(|metres: f64| metres as f32);
         metres.iter().all(|metres| metres.is_finite()).then(|| CloudPoint {
             metres,
             color: self.center.color(u as u32, v as u32),

@@ -6,7 +6,7 @@ use super::{
     cloud::{Cloud, CloudPoint},
     output,
 };
-use crate::error::Result;
+use crate::{error::Result, images::PointFrame};
 
 /// The form in which a PLY file stores its numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,7 +33,12 @@ pub fn write(path: &Path, cloud: &Cloud, encoding: Encoding) -> Result<()> {
             Encoding::Binary => "binary_little_endian",
             Encoding::Ascii => "ascii",
         };
-        writeln!(writer, "ply\nformat {format} 1.0\ncomment metres: x right, y down, z away from the camera")?;
+        let axes = match cloud.frame {
+            PointFrame::Camera => "metres: x right, y down, z away from the camera",
+            PointFrame::Tool => "metres, in the frame of the tool",
+            PointFrame::Base => "metres, in the frame of the arm's base",
+        };
+        writeln!(writer, "ply\nformat {format} 1.0\ncomment {axes}\ncomment frame {}", cloud.frame.id())?;
         writeln!(writer, "element vertex {}", cloud.points().count())?;
         ["x", "y", "z"].iter().try_for_each(|axis| writeln!(writer, "property float {axis}"))?;
         ["red", "green", "blue"].iter().try_for_each(|color| writeln!(writer, "property uchar {color}"))?;
@@ -61,7 +66,7 @@ pub fn write(path: &Path, cloud: &Cloud, encoding: Encoding) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::images::{DisparityMap, Geometry, Picture, Raster};
+    use crate::images::{DisparityMap, FrameTree, Geometry, Picture, Raster};
     use image::{GrayImage, Rgb, RgbImage};
     use multiscopic_core::Disparity;
 
@@ -72,7 +77,8 @@ mod tests {
     }
 
     fn cloud<'a>(disparities: &'a DisparityMap, center: &'a Picture) -> Cloud<'a> {
-        Cloud { disparities, confidences: None, center, geometry: &GEOMETRY }
+        let (frame, frames) = (PointFrame::Camera, FrameTree::default());
+        Cloud { disparities, confidences: None, center, geometry: &GEOMETRY, frame, frames }
     }
 
     fn written(center: &Picture, encoding: Encoding) -> Vec<u8> {
@@ -101,7 +107,8 @@ mod tests {
     #[test]
     fn ascii_lists_points_and_colours() {
         let center = Picture::Rgb(RgbImage::from_fn(2, 2, |u, v| Rgb([u as u8, v as u8, 200])));
-        let header = "ply\nformat ascii 1.0\ncomment metres: x right, y down, z away from the camera\nelement vertex 2\nproperty float x\n\
+        let header = "ply\nformat ascii 1.0\ncomment metres: x right, y down, z away from the camera\n\
+                      comment frame camera_optical_frame\nelement vertex 2\nproperty float x\n\
                       property float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
         let expected = format!("{header}0.02 0 2 1 0 200\n0 0.01 1 0 1 200\n");
         assert_eq!(String::from_utf8(written(&center, Encoding::Ascii)).unwrap(), expected);

@@ -25,6 +25,7 @@ use crate::{
 /// lens = "camera.toml"            # optional: the calibration of a lens that distorts the images, relative to this folder
 /// mount_rotation_deg = [0.5, -1.0, 0.0]  # optional: how the camera is turned against the axes along which it was moved
 /// mount_roll_deg = 2.0            # optional: how these axes are turned, from right towards down, against those of the stage
+/// hand_eye = "hand_eye.toml"      # optional: where the camera sits on the tool of an arm, relative to this folder
 ///
 /// [images]                        # relative to this folder; at least one neighbour
 /// center = "center.png"
@@ -83,6 +84,9 @@ pub struct Rig {
     /// The angle in degrees, from right towards down, from the axes of the stage to those along which the camera was moved, which
     /// are its rows and columns: the roll of its mount, which the moves took out.
     pub mount_roll_deg: Option<f64>,
+    /// The file of the camera's place on the tool of an arm, as [`HandEye::read`](crate::lens::HandEye::read) reads it. A relative
+    /// path is relative to the folder.
+    pub hand_eye: Option<PathBuf>,
     /// The image files.
     pub images: FrameFiles,
     /// The circumstances in which the images were captured.
@@ -144,6 +148,7 @@ impl Rig {
             lens: None,
             mount_rotation_deg: None,
             mount_roll_deg: None,
+            hand_eye: None,
             images,
             capture: Provenance::default(),
             poses: BTreeMap::new(),

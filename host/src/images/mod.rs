@@ -2,6 +2,7 @@
 //! that turns disparity into depth, transforms between frames of coordinates, and the displacements that rectify frames.
 
 mod color_scale;
+mod frame_tree;
 mod frames;
 mod geometry;
 mod interpolated;
@@ -12,6 +13,7 @@ mod transform;
 pub use multiscopic_engine::{DisparityMap, FloatImage, Raster};
 
 pub use color_scale::{ColorScale, Colormap, turbo};
+pub use frame_tree::{FrameTree, PointFrame};
 pub use frames::{Frames, Layout};
 pub use geometry::Geometry;
 pub(crate) use geometry::shrunk_point;

@@ -2,7 +2,7 @@
 
 use std::ops::Mul;
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// The pose of one frame of coordinates in another: it takes points of the first to the second. In files, a table of its two
@@ -45,10 +45,20 @@ impl Transform {
         [rotation.i, rotation.j, rotation.k, rotation.w]
     }
 
+    /// Returns the rotation as the rows of a matrix.
+    pub fn rotation_rows(&self) -> [[f64; 3]; 3] {
+        let matrix = self.isometry().rotation.to_rotation_matrix();
+        [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)]))
+    }
+
     /// True if all numbers are finite and within what machines have: 100 m, and two turns.
     pub fn is_plausible(&self) -> bool {
         let within = |numbers: [f64; 3], most: f64| numbers.iter().all(|number| number.abs() <= most);
         within(self.translation_mm, 1e5) && within(self.rotation_deg, 720.0)
+    }
+
+    pub(crate) fn rotation(rotation: &Rotation3<f64>) -> Transform {
+        Isometry3::from_parts(Translation3::identity(), UnitQuaternion::from_rotation_matrix(rotation)).into()
     }
 
     pub(crate) fn isometry(&self) -> Isometry3<f64> {

@@ -10,7 +10,7 @@ use super::{CameraModel, Lens, MeasuredViews, Mount};
 use crate::{
     error::{Error, Result},
     files::Rig,
-    images::{DisparityMap, Frames, Picture, Raster},
+    images::{DisparityMap, Frames, Picture, Raster, Transform},
 };
 
 /// A calibration and its file.
@@ -93,8 +93,8 @@ impl LensFile {
     pub fn ideal_rig(&self, rig: Rig, size: [usize; 2]) -> Result<Rig> {
         self.check_focal(rig.focal_px, Rig::FILE_NAME)?;
         let (focal_px, principal_point) = (Some(self.focal_px()), Some(self.principal_point(size)));
-        let (mount_roll_deg, poses) = (None, Default::default());
-        Ok(Rig { lens: None, mount_rotation_deg: None, mount_roll_deg, poses, focal_px, principal_point, ..rig })
+        let (mount_roll_deg, hand_eye, poses) = (None, None, Default::default());
+        Ok(Rig { lens: None, mount_rotation_deg: None, mount_roll_deg, hand_eye, poses, focal_px, principal_point, ..rig })
     }
 
     /// Refuses a focal length in pixels, if there is one, that contradicts the calibration. `origin` is where it is from.
@@ -174,9 +174,9 @@ impl Undistortion {
         Some(IdealProjection { to_camera: turn * self.projection.to_camera, ..self.projection })
     }
 
-    /// The rotation from the rays of the ideal camera to those of the camera in the centre.
-    pub(crate) fn to_camera(&self) -> Rotation3<f64> {
-        self.projection.to_camera
+    /// The transform from the ideal camera to the camera in the centre.
+    pub fn ideal_in_camera(&self) -> Transform {
+        Transform::rotation(&self.projection.to_camera)
     }
 
     /// The place of an ideal pixel in the picture of the centre, which may be outside its borders. `None` beyond the range of the lens model.

@@ -1,6 +1,8 @@
 //! Capture: the sequence, and the drivers of stages and cameras with simulated hardware.
 
 mod arm;
+#[cfg(unix)]
+mod arm_frame;
 #[cfg(target_os = "linux")]
 mod camera;
 #[cfg(target_os = "linux")]

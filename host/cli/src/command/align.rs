@@ -108,7 +108,7 @@ impl Align {
         let rig = match (source.rig.take(), &source.lens) {
             (Some(rig), Some(lens)) => Some(lens.ideal_rig(rig, frames.size())?),
             // Its images no longer are where the stage put them.
-            (Some(rig), None) => Some(Rig { poses: BTreeMap::new(), mount_roll_deg: None, ..rig }),
+            (Some(rig), None) => Some(Rig { poses: BTreeMap::new(), mount_roll_deg: None, hand_eye: None, ..rig }),
             (None, _) => None,
         };
         let geometry = rig.as_ref().and_then(|rig| rig.geometry(frames.size()));

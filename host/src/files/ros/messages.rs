@@ -6,7 +6,7 @@ use multiscopic_core::Disparity;
 
 use crate::{
     files::cloud::CloudPoint,
-    images::{FloatImage, Geometry, Picture},
+    images::{FloatImage, Geometry, Picture, Transform},
 };
 
 /// When and where something was seen.
@@ -53,8 +53,8 @@ impl Stamp<'_> {
         cdr.into_bytes()
     }
 
-    /// `sensor_msgs/msg/CameraInfo` of a camera whose images are rectified.
-    pub fn camera(self, geometry: &Geometry, [width, height]: [usize; 2]) -> Vec<u8> {
+    /// `sensor_msgs/msg/CameraInfo` of a camera whose images are rectified, and turned so from the camera's own frame.
+    pub fn camera(self, geometry: &Geometry, rectification: &Transform, [width, height]: [usize; 2]) -> Vec<u8> {
         let Geometry { focal_px: f, principal_point: [cx, cy], .. } = *geometry;
         let mut cdr = self.begin();
         cdr.u32(height as u32);
@@ -63,11 +63,24 @@ impl Stamp<'_> {
         cdr.length(5);
         cdr.f64s(&[0.0; 5]);
         cdr.f64s(&[f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0]);
-        cdr.f64s(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        cdr.f64s(rectification.rotation_rows().as_flattened());
         cdr.f64s(&[f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0]);
         // No binning, and all of the image.
         [0; 2].into_iter().for_each(|binning| cdr.u32(binning));
         put_region(&mut cdr, [0; 2]);
+        cdr.into_bytes()
+    }
+
+    /// `tf2_msgs/msg/TFMessage` of the poses of frames in their parents. It has stamps of its own.
+    pub fn transforms(self, links: &[TransformStamped]) -> Vec<u8> {
+        let mut cdr = Cdr::new();
+        cdr.length(links.len());
+        for TransformStamped { parent, child, transform } in links {
+            Stamp { frame_id: parent, ..self }.put(&mut cdr);
+            cdr.string(child);
+            cdr.f64s(&transform.translation_mm.map(|mm| mm / 1000.0));
+            cdr.f64s(&transform.quaternion());
+        }
         cdr.into_bytes()
     }
 
@@ -120,6 +133,17 @@ impl Stamp<'_> {
         cdr.u8(true);
         cdr.into_bytes()
     }
+}
+
+/// The pose of a frame in its parent.
+#[derive(Clone, Copy, Debug)]
+pub struct TransformStamped {
+    /// The name of the parent.
+    pub parent: &'static str,
+    /// The name of the frame.
+    pub child: &'static str,
+    /// From the frame to its parent.
+    pub transform: Transform,
 }
 
 /// Writes what follows the header of an image.
@@ -229,6 +253,26 @@ const REGION: Definition = Definition {
 };
 const POINT_FIELD: Definition =
     Definition { name: "sensor_msgs/PointField", fields: "string name\nuint32 offset\nuint8 datatype\nuint32 count", types: &[] };
+
+const VECTOR: Definition = Definition { name: "geometry_msgs/Vector3", fields: "float64 x\nfloat64 y\nfloat64 z", types: &[] };
+const QUATERNION: Definition =
+    Definition { name: "geometry_msgs/Quaternion", fields: "float64 x\nfloat64 y\nfloat64 z\nfloat64 w", types: &[] };
+const TRANSFORM: Definition = Definition {
+    name: "geometry_msgs/Transform",
+    fields: "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+    types: &[&VECTOR, &QUATERNION],
+};
+const TRANSFORM_STAMPED: Definition = Definition {
+    name: "geometry_msgs/TransformStamped",
+    fields: "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform",
+    types: &[&HEADER, &TIME, &TRANSFORM, &VECTOR, &QUATERNION],
+};
+
+pub const TF: Definition = Definition {
+    name: "tf2_msgs/TFMessage",
+    fields: "geometry_msgs/TransformStamped[] transforms",
+    types: &[&TRANSFORM_STAMPED, &HEADER, &TIME, &TRANSFORM, &VECTOR, &QUATERNION],
+};
 
 pub const IMAGE: Definition = Definition {
     name: "sensor_msgs/Image",

@@ -20,10 +20,10 @@ use mcap::{WriteOptions, records::MessageHeader, write::NoSeek};
 use super::{cloud::Cloud, output};
 use crate::{
     error::{Error, Result},
-    images::Picture,
+    images::{Picture, PointFrame, Transform},
 };
 
-use messages::{Definition, Stamp};
+use messages::{Definition, Stamp, TransformStamped};
 
 /// The findings of a scene, for ROS 2.
 ///
@@ -34,7 +34,8 @@ use messages::{Definition, Stamp};
 /// | `/depth/image` | `sensor_msgs/msg/Image` | metres as `32FC1`, NaN where unknown (REP 118) |
 /// | `/confidence/image` | `sensor_msgs/msg/Image` | confidences, if there are any, 255 is certain |
 /// | `/disparity` | `stereo_msgs/msg/DisparityImage` | pixels as `32FC1`, below `min_disparity` where unknown |
-/// | `/points` | `sensor_msgs/msg/PointCloud2` | metres in the frame of the camera: x to the right, y down, z away |
+/// | `/points` | `sensor_msgs/msg/PointCloud2` | metres in the frame of the cloud |
+/// | `/tf_static`, `/tf` | `tf2_msgs/msg/TFMessage` | where the camera is on the tool, and the tool in the base, as far as it is known |
 #[derive(Clone, Copy, Debug)]
 pub struct RosRecording<'a> {
     /// The points, and the maps that they are made of.
@@ -44,8 +45,8 @@ pub struct RosRecording<'a> {
 }
 
 impl RosRecording<'_> {
-    /// The frame of coordinates of all messages.
-    pub const FRAME_ID: &'static str = "camera_optical_frame";
+    /// The frame of rectified images that are turned against the camera's own.
+    pub const RECTIFIED_FRAME_ID: &'static str = "camera_rectified_optical_frame";
 
     /// Writes an MCAP file with one message on each topic, all from a `time` since 1970.
     ///
@@ -74,19 +75,30 @@ impl RosRecording<'_> {
     pub fn messages(&self, time: Duration) -> Result<Vec<RosMessage>> {
         let RosRecording { cloud, range } = *self;
         cloud.check()?;
-        let Cloud { disparities, confidences, center, geometry } = cloud;
-        let stamp = Stamp { time, frame_id: RosRecording::FRAME_ID };
+        let Cloud { disparities, confidences, center, geometry, frame, frames } = cloud;
+        let (camera_id, is_turned) = (PointFrame::Camera.id(), frames.rectified_in_camera != Transform::IDENTITY);
+        let stamp = Stamp { time, frame_id: if is_turned { RosRecording::RECTIFIED_FRAME_ID } else { camera_id } };
         let size = [disparities.width(), disparities.height()];
         let points: Vec<_> = cloud.points().collect();
-        let camera = stamp.camera(geometry, size);
+        let camera = stamp.camera(geometry, &frames.rectified_in_camera.inverse(), size);
         let mut messages = vec![
             ("/camera/image", &messages::IMAGE, stamp.picture(center)),
             ("/camera/camera_info", &messages::CAMERA_INFO, camera.clone()),
             ("/depth/image", &messages::IMAGE, stamp.depth(&geometry.depths(disparities))),
             ("/depth/camera_info", &messages::CAMERA_INFO, camera),
             ("/disparity", &messages::DISPARITY_IMAGE, stamp.disparities(&disparities.to_float(), geometry, range)),
-            ("/points", &messages::POINT_CLOUD, stamp.points(&points)),
+            ("/points", &messages::POINT_CLOUD, Stamp { frame_id: frame.id(), ..stamp }.points(&points)),
         ];
+        let link = |parent: &'static str, child, transform| TransformStamped { parent, child, transform };
+        let rectified = is_turned.then(|| link(camera_id, RosRecording::RECTIFIED_FRAME_ID, frames.rectified_in_camera));
+        let on_tool = frames.camera_in_tool.map(|transform| link(PointFrame::Tool.id(), camera_id, transform));
+        let in_base = frames.tool_in_base.map(|transform| link(PointFrame::Base.id(), PointFrame::Tool.id(), transform));
+        for (topic, links) in [("/tf_static", [rectified, on_tool]), ("/tf", [in_base, None])] {
+            let links: Vec<TransformStamped> = links.into_iter().flatten().collect();
+            if !links.is_empty() {
+                messages.push((topic, &messages::TF, stamp.transforms(&links)));
+            }
+        }
         if let Some(confidences) = confidences {
             messages.push(("/confidence/image", &messages::IMAGE, stamp.picture(&Picture::from(confidences))));
         }

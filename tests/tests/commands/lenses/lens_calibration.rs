@@ -15,7 +15,7 @@ use tempfile::TempDir;
 
 const DPI: f64 = 100.0;
 /// The board by default: 10x7 squares of 25 mm, and half a square around it in a PNG.
-const BOARD_MM: [f64; 2] = [250.0, 175.0];
+pub const BOARD_MM: [f64; 2] = [250.0, 175.0];
 const BORDER_MM: f64 = 12.5;
 
 fn text(path: &Path) -> &str {
@@ -23,13 +23,13 @@ fn text(path: &Path) -> &str {
 }
 
 /// A camera with barrel distortion: the corners of its pictures move by 50 pixels.
-fn plumb_bob() -> TrueCamera {
+pub fn plumb_bob() -> TrueCamera {
     let coefficients = vec![-0.25, 0.08, 0.001, -0.0007, 0.0];
     TrueCamera { focal: [500.0, 501.5], middle: [323.3, 235.3], coefficients, is_equidistant: false }
 }
 
 /// Tilted to all sides by 28 degrees, near and far, in all parts of the image.
-fn poses(camera: &TrueCamera, count: usize) -> Vec<BoardPose> {
+pub fn poses(camera: &TrueCamera, count: usize) -> Vec<BoardPose> {
     let pose = |k: usize| {
         let turn = 2.4 * k as f64;
         let z = BOARD_MM[0] * camera.focal[0] / SIZE[0] as f64 * (1.2 + 0.15 * (k % 3) as f64);
@@ -41,13 +41,13 @@ fn poses(camera: &TrueCamera, count: usize) -> Vec<BoardPose> {
 }
 
 /// A folder with a print of a board, and photos of it.
-struct Photos {
+pub struct Photos {
     folder: TempDir,
     paths: Vec<PathBuf>,
 }
 
 impl Photos {
-    fn new(board: &str, camera: &TrueCamera, poses: &[BoardPose], blurs: usize) -> Photos {
+    pub fn new(board: &str, camera: &TrueCamera, poses: &[BoardPose], blurs: usize) -> Photos {
         let folder = tempfile::tempdir().expect("a folder");
         let print = folder.path().join("print.png");
         Invocation::new(["calibrate", "board", "--board", board, "--dpi", "100", "-o", text(&print)]).assert_done();
@@ -62,7 +62,7 @@ impl Photos {
         Photos { folder, paths }
     }
 
-    fn file(&self, name: &str) -> PathBuf {
+    pub fn file(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 

@@ -2,7 +2,7 @@
 
 use std::{
     path::Path,
-    time::{Duration, SystemTime, UNIX_EPOCH},
+    time::{Duration, UNIX_EPOCH},
 };
 
 use multiscopic::{
@@ -11,6 +11,7 @@ use multiscopic::{
         Cloud, output,
         ros::{RosRecording, RosStream},
     },
+    images::PointFrame,
     stereo::MethodName,
 };
 use multiscopic_core::Frame;
@@ -83,10 +84,12 @@ impl<'a> LiveRecording<'a> {
         let (mut disparities, mut confidences) = method.disparities_and_confidences(&self.engine, &frames, &search, &())?;
         mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
         let range = [search.min_disparity(), search.max_disparity()];
-        let cloud = Cloud { disparities: &disparities, confidences: Some(&confidences), center: &center, geometry: &geometry };
+        let frames = source.frame_tree(undistortion.as_ref(), None, None)?;
+        let (disparities, confidences, frame) = (&disparities, Some(&confidences), PointFrame::Camera);
+        let cloud = Cloud { disparities, confidences, center: &center, geometry: &geometry, frame, frames };
         let recording = RosRecording { cloud, range };
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        self.publisher.iter().try_for_each(|publisher| publisher.publish(&recording, now))?;
-        write(&recording, now)
+        let exposed = source.exposed().duration_since(UNIX_EPOCH).unwrap_or_default();
+        self.publisher.iter().try_for_each(|publisher| publisher.publish(&recording, exposed))?;
+        write(&recording, exposed)
     }
 }

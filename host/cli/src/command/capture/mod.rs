@@ -21,7 +21,7 @@ use multiscopic::{
         stage::{AnyStage, TurnedStage},
     },
     files::output,
-    lens::{LensFile, Mount},
+    lens::{HandEye, LensFile, Mount},
 };
 use multiscopic_core::{View, Views, capture::Plan};
 
@@ -165,6 +165,11 @@ pub struct RecorderOptions {
     #[arg(long, value_name = "MOUNT.toml")]
     mount: Option<PathBuf>,
 
+    /// Place of the camera on the tool of an arm, as `multiscopic calibrate hand-eye` finds it, instead of --mount. A copy is kept
+    /// beside rig.toml, and `match --frame` gives points in the frame of the tool or of the arm's base
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "mount")]
+    hand_eye: Option<PathBuf>,
+
     #[command(flatten)]
     layout: LayoutOptions,
 
@@ -178,7 +183,8 @@ impl RecorderOptions {
     /// From then on, Ctrl-C no longer ends the program.
     pub fn recorder(&self) -> Result<Recorder> {
         let lens = self.lens.as_deref().map(read_lens).transpose()?;
-        let mount = self.mount.as_deref().map(Mount::read).transpose()?;
+        let hand_eye = self.hand_eye.as_deref().map(HandEye::read).transpose()?;
+        let mount = self.mount.as_deref().map(Mount::read).transpose()?.or(hand_eye.map(|hand_eye| hand_eye.mount()));
         let mut hardware = Hardware::open(&self.hardware)?;
         if let Some(lens) = &lens {
             lens.camera.check_size(&lens.path, hardware.size.map(|side| side as usize))?;
@@ -187,7 +193,7 @@ impl RecorderOptions {
         let simulated = hardware.simulated.as_ref().map(SimulatedCamera::nominal_focal_px);
         let focal_px =
             self.focal_px.or(lens.as_ref().map(LensFile::focal_px)).or(mount.and_then(|mount| mount.focal_px)).or(simulated);
-        if let (Some(mount), Some(path)) = (mount, &self.mount) {
+        if let (Some(mount), Some(path)) = (mount, self.mount.as_ref().or(self.hand_eye.as_ref())) {
             if focal_px.is_none() {
                 let path = path.display();
                 return Err(Error::Usage(format!(
@@ -209,7 +215,7 @@ impl RecorderOptions {
         };
         let baseline_um = self.layout.baseline_um()?;
         let plan = Plan::new(self.layout.views()?, baseline_um).shortened(hardware.policy.backlash_um);
-        Ok(Recorder { plan, baseline_um, long_baseline, focal_px, lens, mount, hardware })
+        Ok(Recorder { plan, baseline_um, long_baseline, focal_px, lens, mount, hand_eye, hardware })
     }
 }
 

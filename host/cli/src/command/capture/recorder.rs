@@ -14,7 +14,7 @@ use multiscopic::{
     capture::{Acquisition, SimulatedCamera, acquire_images},
     files::{FrameFiles, FramePose, Provenance, output},
     images::Transform,
-    lens::{LensFile, MeasuredViews, Mount, Undistortion},
+    lens::{HandEye, LensFile, MeasuredViews, Mount, Undistortion},
 };
 use multiscopic_core::{
     Frame, Views,
@@ -39,6 +39,8 @@ pub struct Recorder {
     pub lens: Option<LensFile>,
     /// The rotation of the camera against the axes of the stage, if it is known.
     pub mount: Option<Mount>,
+    /// The place of the camera on the tool of an arm, if it is known.
+    pub hand_eye: Option<HandEye>,
     /// The stage and the camera.
     pub hardware: Hardware,
 }
@@ -100,7 +102,7 @@ impl Recorder {
         let poses = poses.into_iter().map(|(frame, pose)| (frame.to_string(), pose)).collect();
         let mut rig = Rig { poses, ..self.rig(&frames, date, (!all_notes.is_empty()).then(|| all_notes.join("\n"))) };
         // What was measured is nearer to the truth than what was asked for.
-        let measured_mm = MeasuredViews::of_rig(&rig, None).baseline_mm(&rig);
+        let measured_mm = MeasuredViews::of_rig(&rig, self.hand_eye.as_ref()).baseline_mm(&rig);
         rig.baseline_mm = measured_mm.or(rig.baseline_mm);
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
         let simulated = self.hardware.simulated.as_ref();
@@ -114,7 +116,9 @@ impl Recorder {
             if let Some(lens) = &self.lens {
                 lens.camera.save(&folder.join(CameraModel::FILE_NAME))?;
             }
-            if let Some(mount) = &self.mount {
+            if let Some(hand_eye) = &self.hand_eye {
+                hand_eye.save(&folder.join(HandEye::FILE_NAME))?;
+            } else if let Some(mount) = &self.mount {
                 mount.save(&folder.join(Mount::FILE_NAME))?;
             }
             rig.save(folder)
@@ -188,6 +192,7 @@ impl Recorder {
             doffs: 0.0,
             lens: lens.map(|_| CameraModel::FILE_NAME.into()),
             mount_rotation_deg: self.mount.map(|mount| mount.split_roll().1.rotation_deg),
+            hand_eye: self.hand_eye.map(|_| HandEye::FILE_NAME.into()),
             mount_roll_deg: self.mount.map(|mount| mount.split_roll().0.to_degrees()),
             images: FrameFiles::of_capture(frames.views()),
             alignment: None,

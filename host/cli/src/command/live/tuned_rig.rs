@@ -9,6 +9,7 @@ use std::{
 use multiscopic::{
     DisparityMap, Engine, Frames, Geometry, Inspection, MatchSetup, Method, Picture, Progress, RangeSource, Result,
     files::{Cloud, MatchedImages, ros::RosRecording},
+    images::{FrameTree, PointFrame},
     lens::Undistortion,
     stereo::{
         MethodName,
@@ -38,6 +39,7 @@ pub struct TunedRig {
     center: Picture,
     geometry: Option<Geometry>,
     undistortion: Option<Undistortion>,
+    frame_tree: FrameTree,
     inspection: Inspection,
     scene: ViewedScene,
 }
@@ -86,8 +88,9 @@ impl TunedRig {
             Some(undistortion) => undistortion.picture(Frame::Center, &center),
             None => center,
         };
+        let frame_tree = source.frame_tree(undistortion.as_ref(), None, None)?;
         let (folder, suited) = (folder.into(), Default::default());
-        Ok(TunedRig { folder, frames, suited, center, geometry, undistortion, inspection, scene })
+        Ok(TunedRig { folder, frames, suited, center, geometry, undistortion, frame_tree, inspection, scene })
     }
 
     /// Its folder.
@@ -136,7 +139,14 @@ impl TunedRig {
         (disparities, confidences, _): &'a (DisparityMap, ConfidenceMap, f64),
     ) -> Option<RosRecording<'a>> {
         let (center, geometry) = (&self.center, self.geometry.as_ref()?);
-        let cloud = Cloud { disparities, confidences: Some(confidences), center, geometry };
+        let cloud = Cloud {
+            disparities,
+            confidences: Some(confidences),
+            center,
+            geometry,
+            frame: PointFrame::Camera,
+            frames: self.frame_tree,
+        };
         Some(RosRecording { cloud, range: [plan.search.min_disparity(), plan.search.max_disparity()] })
     }
 

@@ -12,7 +12,7 @@ use std::{
 use clap::Args;
 use multiscopic::{
     DisparityMap, Engine, Error, Frames, Inspection, RangeSource, Result,
-    files::{ListedRig, MatchedImages, output},
+    files::{Cloud, ListedRig, MatchedImages, output},
     stereo::{
         BaselineRefinement,
         confidence_map::{self, ConfidenceMap},
@@ -155,6 +155,9 @@ impl Match {
         let search = |range| self.matching.search(size, views, range);
         let ways = (&self.preparation, self.matching.search.range_source(&self.preparation));
         let preparation = prepare(ways, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
+        let hand_eye = outputs.hand_eye.as_deref();
+        let frame_tree = source.frame_tree(undistortion.as_ref(), preparation.alignment.as_ref(), hand_eye)?;
+        let frame = outputs.frame(&frame_tree)?;
         let search = preparation.search;
         let images = source.images.center.clone();
         let images = MatchedImages { center: &images, size, seen: preparation.inspection.corner_disparities() };
@@ -220,15 +223,20 @@ impl Match {
         });
         let report = report.transpose()?;
         output::write_together(|| {
-            outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref())?;
+            let cloud = geometry.as_ref().zip(center.as_ref()).map(|(geometry, center)| {
+                let (disparities, confidences) = (&disparities, confidences.as_ref());
+                Cloud { disparities, confidences, center, geometry, frame, frames: frame_tree }
+            });
+            outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), cloud.as_ref())?;
             #[cfg(feature = "mcap")]
-            outputs.record(&search, &disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref())?;
+            outputs.record(&search, cloud.as_ref(), source.exposed())?;
             match (&outputs.report, &report) {
                 (Some(path), Some(report)) => output::write(path, |writer| writer.write_all(report.to_html().as_bytes())),
                 _ => Ok(()),
             }
         })?;
         let summary = Summary {
+            frame: (outputs.has_center() && geometry.is_some()).then(|| frame.name().into()),
             median_depth_mm: of_depth.and_then(|geometry| geometry.median_depth_mm(&disparities)),
             ..Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings)
         };
@@ -279,6 +287,9 @@ pub struct Summary {
     /// The share with a confidence from 0.9 on, if confidences were computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     sure: Option<f64>,
+    /// The frame of the points, if points were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    frame: Option<String>,
     /// The median depth, if depths were asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     median_depth_mm: Option<f64>,
@@ -309,6 +320,7 @@ impl Summary {
             num_disparities: search.num_disparities(),
             valid: disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64,
             sure: confidences.map(confidence_map::sure_share),
+            frame: None,
             median_depth_mm: None,
             milliseconds: Some(1e3 * seconds),
             warnings,

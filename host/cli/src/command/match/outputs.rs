@@ -13,14 +13,14 @@ use multiscopic::{
         Cloud,
         ply::{self, Encoding},
     },
-    images::ColorScale,
+    images::{ColorScale, FrameTree, PointFrame},
     stereo::confidence_map::ConfidenceMap,
 };
 
 #[cfg(feature = "mcap")]
 use multiscopic_core::SearchSpace;
 
-use crate::command::options::{MapFiles, output_file};
+use crate::command::options::{MapFiles, named, output_file};
 
 /// The files that the command writes.
 #[derive(Clone, Debug, Args)]
@@ -58,6 +58,14 @@ pub struct Outputs {
     /// Coloured point cloud in metres, with confidences if --confidence is given; needs the focal length and the baseline
     #[arg(long, value_name = "OUT.ply", value_parser = output_file::ply())]
     pub ply: Option<PathBuf>,
+
+    /// Frame of coordinates of the points of --ply and --mcap
+    #[arg(long, value_parser = named::<PointFrame>(), default_value = PointFrame::Camera.name())]
+    frame: PointFrame,
+
+    /// Place of the camera on the tool of an arm, as `multiscopic calibrate hand-eye` finds it [default: that of rig.toml]
+    #[arg(long, value_name = "FILE.toml")]
+    pub hand_eye: Option<PathBuf>,
 
     /// Recording for ROS 2 and Foxglove: depth, camera, points, disparities with all their fields, confidences; needs the focal
     /// length and the baseline
@@ -140,7 +148,7 @@ impl Outputs {
         disparities: &DisparityMap,
         confidences: Option<&ConfidenceMap>,
         geometry: Option<&Geometry>,
-        center: Option<&Picture>,
+        cloud: Option<&Cloud>,
     ) -> Result<()> {
         self.maps.write(disparities)?;
         if let (Some(path), Some(confidences)) = (&self.confidence, confidences) {
@@ -156,30 +164,43 @@ impl Outputs {
             let depth = geometry.depths(disparities);
             self.maps.draw(&depth, &ColorScale::of_depth(self.maps.colormap(), &depth)).write_png(path)?;
         }
-        if let (Some(path), Some(geometry), Some(center)) = (&self.ply, geometry, center) {
+        if let (Some(path), Some(cloud)) = (&self.ply, cloud) {
             let encoding = if self.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
             let confidences = confidences.filter(|_| self.confidence.is_some());
-            ply::write(path, &Cloud { disparities, confidences, center, geometry }, encoding)?;
+            ply::write(path, &Cloud { confidences, ..*cloud }, encoding)?;
         }
         Ok(())
     }
 
-    /// Writes the recordings that were asked for.
+    /// Writes the recordings that were asked for, of a centre that was exposed at a time.
     #[cfg(feature = "mcap")]
-    pub fn record(
-        &self,
-        search: &SearchSpace,
-        disparities: &DisparityMap,
-        confidences: Option<&ConfidenceMap>,
-        geometry: Option<&Geometry>,
-        center: Option<&Picture>,
-    ) -> Result<()> {
-        let (Some(geometry), Some(center)) = (geometry, center) else { return Ok(()) };
-        let range = [search.min_disparity(), search.max_disparity()];
-        let recording = RosRecording { cloud: Cloud { disparities, confidences, center, geometry }, range };
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        self.mcap.iter().try_for_each(|path| recording.write(path, now))?;
-        self.rerun.iter().try_for_each(|path| recording.write_rerun(path, now))
+    pub fn record(&self, search: &SearchSpace, cloud: Option<&Cloud>, exposed: SystemTime) -> Result<()> {
+        let Some(&cloud) = cloud else { return Ok(()) };
+        let recording = RosRecording { cloud, range: [search.min_disparity(), search.max_disparity()] };
+        let time = exposed.duration_since(UNIX_EPOCH).unwrap_or_default();
+        self.mcap.iter().try_for_each(|path| recording.write(path, time))?;
+        self.rerun.iter().try_for_each(|path| recording.write_rerun(path, time))
+    }
+
+    /// The frame of the points.
+    ///
+    /// # Errors
+    /// It is not known where it is. The message says what to give.
+    pub fn frame(&self, frames: &FrameTree) -> Result<PointFrame> {
+        let name = self.frame.name();
+        if self.frame != PointFrame::Camera && frames.camera_in_tool.is_none() {
+            return Err(Error::Usage(format!(
+                "--frame {name} needs to know where the camera sits on the tool: give --hand-eye hand_eye.toml, which `multiscopic \
+                 calibrate hand-eye` writes"
+            )));
+        }
+        if self.frame == PointFrame::Base && frames.tool_in_base.is_none() {
+            return Err(Error::Usage(format!(
+                "--frame {name} needs the pose of the tool when the centre was taken, which the images do not have: give a folder that \
+                 `multiscopic capture` took with an arm, whose rig.toml has it as [poses.center.measured]"
+            )));
+        }
+        Ok(self.frame)
     }
 
     /// The recordings, with their options.

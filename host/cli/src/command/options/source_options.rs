@@ -3,14 +3,15 @@
 use std::{
     path::{Path, PathBuf},
     str::FromStr,
+    time::SystemTime,
 };
 
 use clap::Args;
 use multiscopic::{
     Alignment, Error, Frames, Geometry, Picture, Result, Rig,
     files::FrameFiles,
-    images::BitDepth,
-    lens::{LensFile, Undistortion},
+    images::{BitDepth, FrameTree, Transform},
+    lens::{HandEye, LensFile, Undistortion},
 };
 use multiscopic_core::{Frame, ParseViewError, View, Views};
 
@@ -150,6 +151,31 @@ impl Source {
     pub fn rectified_frames(&self, undistortion: Option<&Undistortion>, alignment: &Alignment) -> Result<Frames> {
         let rectified = self.rectified(undistortion, alignment).collect::<Result<Vec<_>>>()?;
         Ok(Frames::of_pictures(rectified).expect("the centre is among them"))
+    }
+
+    /// The time at which the centre was exposed: that of a captured folder, if it has one, or else now.
+    pub fn exposed(&self) -> SystemTime {
+        let exposed = self.rig.as_ref().and_then(|rig| rig.pose(Frame::Center)?.exposed);
+        exposed.unwrap_or_else(SystemTime::now)
+    }
+
+    /// Where the frames of coordinates are, for images that were made ideal and aligned. The camera's place on the tool of an arm is
+    /// that of a file, or else of the captured folder.
+    pub fn frame_tree(
+        &self,
+        undistortion: Option<&Undistortion>,
+        alignment: Option<&Alignment>,
+        hand_eye: Option<&Path>,
+    ) -> Result<FrameTree> {
+        let ideal = undistortion.map_or(Transform::IDENTITY, Undistortion::ideal_in_camera);
+        let aligned = alignment.map_or(Transform::IDENTITY, Alignment::rectified_in_center);
+        let of_rig = || Some(self.folder()?.join(self.rig.as_ref()?.hand_eye.as_ref()?));
+        let hand_eye = hand_eye.map(PathBuf::from).or_else(of_rig).map(|path| HandEye::read(&path)).transpose()?;
+        Ok(FrameTree {
+            rectified_in_camera: ideal * aligned,
+            camera_in_tool: hand_eye.map(|hand_eye| hand_eye.camera_in_tool()),
+            tool_in_base: self.rig.as_ref().and_then(|rig| rig.pose(Frame::Center)?.measured),
+        })
     }
 
     /// The captured folder, if it is one.
@@ -349,6 +375,7 @@ mod tests {
             lens: None,
             mount_rotation_deg: None,
             mount_roll_deg: None,
+            hand_eye: None,
             poses: BTreeMap::new(),
             images: FrameFiles::default(),
             alignment: None,

@@ -103,7 +103,7 @@ impl Recorder {
         let mut rig = Rig { poses, ..self.rig(&frames, date, (!all_notes.is_empty()).then(|| all_notes.join("\n"))) };
         // What was measured is nearer to the truth than what was asked for.
         let measured_mm = MeasuredViews::of_rig(&rig, self.hand_eye.as_ref()).baseline_mm(&rig);
-        rig.baseline_mm = measured_mm.or(rig.baseline_mm);
+        rig.baseline_mm = measured_mm.map(to_tenths_of_micrometres).or(rig.baseline_mm);
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
         let simulated = self.hardware.simulated.as_ref();
         let truth = simulated.and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
@@ -206,6 +206,11 @@ impl Recorder {
             },
         }
     }
+}
+
+/// A length without digits that no stage measures.
+fn to_tenths_of_micrometres(mm: f64) -> f64 {
+    (mm * 1e4).round() / 1e4
 }
 
 /// Returns what makes the frames of a rig ideal, unless they are.

@@ -7,7 +7,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use super::{CameraModel, Lens, LensModel};
 use crate::{
     error::{Error, Result},
-    files::{PosedPhoto, input},
+    files::{Limits, PosedPhoto, input},
 };
 
 /// The files of a folder of COLMAP's text model.
@@ -21,7 +21,9 @@ const FILES: [&str; 2] = ["cameras.txt", "images.txt"];
 /// has a model that no [`LensModel`] is.
 pub fn read_model(folder: &Path) -> Result<(Vec<PosedPhoto>, CameraModel)> {
     let [cameras, images] = FILES.map(|name| folder.join(name));
-    let text = input::read_text(&images)?;
+    // Its points may take more than other text.
+    let bytes = Limits::DEFAULT.read(&images)?;
+    let text = String::from_utf8_lossy(&bytes);
     let (mut photos, mut ids) = (Vec::new(), BTreeMap::new());
     // Each photo has two lines, the second of which has its points and may be empty.
     let mut lines = text.lines().zip(1..).filter(|(line, _): &(&str, usize)| !line.starts_with('#'));

@@ -154,44 +154,40 @@ impl HttpCamera {
 
     fn try_take(&mut self, start: Instant, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, HttpFault> {
         let average = u32::from(self.average.get());
-        let mut mean = PictureMean::default();
-        let mut add = |bytes: &[u8]| {
-            let picture = Picture::decode(Path::new("a picture"), bytes);
-            let picture = picture.map_err(|error| HttpFault::NotPictures(error.to_string()))?;
-            let (found, expected) = (picture.dimensions(), *self.size.get_or_insert(picture.dimensions()));
-            if found != expected {
-                return Err(HttpFault::Size { found, expected });
-            }
-            mean.add(picture);
-            Ok(())
-        };
-        let (mut pictures, mut expected) = (0, average);
-        while pictures < expected {
-            let deadline = start + timeout;
-            let count = |fault| match fault {
-                HttpFault::NoPicture { .. } => HttpFault::NoPicture { pictures, expected, waited: start.elapsed() },
-                fault => fault,
-            };
-            let mut answer = Answer::get(&self.url, deadline, is_cancelled).map_err(count)?;
-            if answer.boundary.is_none() {
-                add(&answer.to_end().map_err(count)?)?;
-                pictures += 1;
-                continue;
-            }
-            expected = PICTURES_IN_FLIGHT + average;
+        let (mut pictures, mut expected, mut mean) = (0, average, PictureMean::default());
+        let url = self.url.clone();
+        let mut take = || {
             while pictures < expected {
-                let count = |fault| match fault {
-                    HttpFault::NoPicture { .. } => HttpFault::NoPicture { pictures, expected, waited: start.elapsed() },
-                    fault => fault,
-                };
-                let bytes = answer.next_part().map_err(count)?;
-                pictures += 1;
-                if pictures > PICTURES_IN_FLIGHT {
-                    add(&bytes)?;
+                let mut answer = Answer::get(&url, start + timeout, is_cancelled)?;
+                if answer.boundary.is_none() {
+                    mean.add(self.decode(&answer.whole()?)?);
+                    pictures += 1;
+                    continue;
+                }
+                expected = PICTURES_IN_FLIGHT + average;
+                while pictures < expected {
+                    let bytes = answer.next_part()?;
+                    pictures += 1;
+                    if pictures > PICTURES_IN_FLIGHT {
+                        mean.add(self.decode(&bytes)?);
+                    }
                 }
             }
-        }
+            Ok(())
+        };
+        take().map_err(|fault| match fault {
+            HttpFault::NoPicture { .. } => HttpFault::NoPicture { pictures, expected, waited: start.elapsed() },
+            fault => fault,
+        })?;
         Ok(mean.picture().expect("at least one picture"))
+    }
+
+    /// Decodes a picture, which must have the size of the first.
+    fn decode(&mut self, bytes: &[u8]) -> Result<Picture, HttpFault> {
+        let picture = Picture::decode(Path::new("a picture"), bytes);
+        let picture = picture.map_err(|error| HttpFault::NotPictures(error.to_string()))?;
+        let (found, expected) = (picture.dimensions(), *self.size.get_or_insert(picture.dimensions()));
+        if found == expected { Ok(picture) } else { Err(HttpFault::Size { found, expected }) }
     }
 }
 
@@ -328,7 +324,7 @@ impl<'a> Answer<'a> {
     }
 
     /// The single picture of an answer.
-    fn to_end(&mut self) -> Result<Vec<u8>, HttpFault> {
+    fn whole(&mut self) -> Result<Vec<u8>, HttpFault> {
         if let Some(length) = self.length {
             return self.exactly(length);
         }

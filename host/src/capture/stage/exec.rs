@@ -188,3 +188,28 @@ fn parse_whereabouts(answer: &str) -> Option<Whereabouts> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whereabouts_are_numbers_of_millimetres_and_degrees() {
+        let at = Position { x_um: 20_001, y_um: -9998 };
+        let pose = Transform { translation_mm: [400.0, -200.5, 500.0], rotation_deg: [180.0, 0.0, 0.25] };
+        for (answer, place) in [
+            ("", Some((None, None))),
+            ("20.001 -9.998", Some((Some(at), None))),
+            ("20.0009 -9.9984 400 -200.5 500 180 0 0.25", Some((Some(at), Some(pose)))),
+            ("20.001", None),
+            ("20.001 -9.998 0", None),
+            ("20.001 nan", None),
+            ("20.001 1e6", None),
+            ("20.001 here", None),
+            ("20.001 -9.998 1 2 3 4 5 721", None),
+            ("20.001 -9.998 1 2 inf 4 5 6", None),
+        ] {
+            assert_eq!(parse_whereabouts(answer), place, "{answer}");
+        }
+    }
+}

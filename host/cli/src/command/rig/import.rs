@@ -1,13 +1,14 @@
 //! `multiscopic rig import`: photos whose places are known.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{collections::BTreeMap, path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use multiscopic::{
     Result, Rig,
-    files::{PhotoGrid, PosedPhoto, Provenance},
+    files::{FramePose, PhotoGrid, PosedPhoto, Provenance},
     lens::read_colmap,
 };
+use multiscopic_core::{Frame, View};
 
 use super::CameraOptions;
 use crate::command::{options::value::positive, terminal};
@@ -57,8 +58,10 @@ impl Import {
         self.camera.check_folder(&self.directory, calibration.is_some())?;
         let grid = PhotoGrid::of(&photos, self.center.as_deref(), baseline)?;
         let source = self.positions.as_ref().or(self.colmap.as_ref()).map(|path| path.display().to_string()).unwrap_or_default();
+        let baseline_mm = self.baseline_mm.or(self.positions.as_ref().map(|_| grid.baseline));
         let known = Rig {
-            baseline_mm: self.baseline_mm.or(self.positions.as_ref().map(|_| grid.baseline)),
+            baseline_mm,
+            poses: baseline_mm.map_or_else(BTreeMap::new, |baseline_mm| poses(&grid, baseline_mm)),
             capture: Provenance { notes: Some(format!("imported from {source}")), ..Provenance::default() },
             ..Rig::of_pair(None, grid.images.clone())
         };
@@ -68,4 +71,14 @@ impl Import {
         ));
         self.camera.write(&self.directory, known, calibration)
     }
+}
+
+/// The places where the views should stand, and where they do, in the plane of the centre's image.
+fn poses(grid: &PhotoGrid, baseline_mm: f64) -> BTreeMap<String, FramePose> {
+    let pose = |(view, place): (&View, &[f64; 2])| {
+        let asked_mm = [view.right(), view.down()].map(|multiple| f64::from(multiple) * baseline_mm);
+        let counted_mm = Some(place.map(|multiple| multiple * baseline_mm));
+        (Frame::View(*view).to_string(), FramePose { asked_mm, counted_mm, exposed: None, measured: None })
+    };
+    grid.places.iter().map(pose).collect()
 }

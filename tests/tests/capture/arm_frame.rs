@@ -13,7 +13,6 @@ use std::{
     time::Duration,
 };
 
-use image::GrayImage;
 use multiscopic::{
     CameraModel, Lens, LensModel, Picture, Rig,
     capture::{
@@ -105,7 +104,7 @@ struct Eye(Arc<SimulatedArm>);
 impl BlockingCamera for Eye {
     type Error = Infallible;
 
-    fn take(&mut self, _: Duration, _: &AtomicBool) -> Result<GrayImage, Infallible> {
+    fn take(&mut self, _: Duration, _: &AtomicBool) -> Result<Picture, Infallible> {
         let pose = pose_trans(measured(&self.0), ON_TOOL);
         let at = |offset: [f64; 3]| {
             let [x, y, z] = offset;
@@ -117,7 +116,7 @@ impl BlockingCamera for Eye {
         let axes = [axis([1.0, 0.0, 0.0]), axis([0.0, 1.0, 0.0]), axis([0.0, 0.0, 1.0])];
         let sensor = PinholeCamera::new(SIZE[0] as u32, SIZE[1] as u32);
         let camera = PosedCamera { sensor, lens: Some(lens()), pose: multiscopic::scene::Pose { origin, axes } };
-        Ok(Picture::Rgb(render_at(&scene(), &camera, 1)).to_gray())
+        Ok(Picture::Rgb(render_at(&scene(), &camera, 1)))
     }
 }
 

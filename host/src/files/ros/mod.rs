@@ -93,7 +93,8 @@ impl RosRecording<'_> {
         let rectified = is_turned.then(|| link(camera_id, RosRecording::RECTIFIED_FRAME_ID, frames.rectified_in_camera));
         let on_tool = frames.camera_in_tool.map(|transform| link(PointFrame::Tool.id(), camera_id, transform));
         // Without the camera on it, the tool would hang in a tree of its own.
-        let in_base = on_tool.and(frames.tool_in_base).map(|transform| link(PointFrame::Base.id(), PointFrame::Tool.id(), transform));
+        let in_base =
+            on_tool.and(frames.tool_in_base).map(|transform| link(PointFrame::Base.id(), PointFrame::Tool.id(), transform));
         for (topic, links) in [("/tf_static", [rectified, on_tool]), ("/tf", [in_base, None])] {
             let links: Vec<TransformStamped> = links.into_iter().flatten().collect();
             if !links.is_empty() {

@@ -6,7 +6,8 @@ use multiscopic::{
     Alignment, DisparityMap, Error, Frames, Inspection, MatchSetup, Picture, Result,
     alignment::Tolerance,
     images::BitDepth,
-    lens::{LensFile, Undistortion},
+    images::{FrameTree, Transform},
+    lens::{HandEye, LensFile, Undistortion},
     stereo::confidence_map::{self, ConfidenceMap},
 };
 use multiscopic_core::{Frame, View, Views};
@@ -139,6 +140,7 @@ impl Capture {
         })?;
         if let Some(alignment) = &setup.alignment {
             self.camera.principal_point = alignment.principal_point(self.camera.principal_point);
+            self.camera.frames.rectified_in_camera = self.camera.frames.rectified_in_camera * alignment.rectified_in_center();
         }
         Ok(setup)
     }
@@ -174,7 +176,13 @@ impl Rig {
         })?;
         let order = [Frame::Center].into_iter().chain(images.views().iter().map(Frame::View));
         let undistortion = self.lens.as_ref().map(|lens| lens.undistortion(frames.size())).transpose()?;
-        let (camera, tolerance) = (self.camera(frames.size())?, Tolerance::of_rig(&self.rig));
+        let mut camera = self.camera(frames.size())?;
+        camera.frames = FrameTree {
+            rectified_in_camera: undistortion.as_ref().map_or(Transform::IDENTITY, Undistortion::ideal_in_camera),
+            camera_in_tool: HandEye::of_rig(&self.rig, &self.directory)?.map(|hand_eye| hand_eye.camera_in_tool()),
+            tool_in_base: self.rig.pose(Frame::Center).and_then(|pose| pose.measured),
+        };
+        let tolerance = Tolerance::of_rig(&self.rig);
         Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera, tolerance })
     }
 
@@ -190,6 +198,7 @@ impl Rig {
             baseline_mm: self.rig.baseline_mm,
             principal_point: of_lens.unwrap_or_else(|| self.rig.principal_point(size)),
             doffs: self.rig.doffs,
+            frames: FrameTree::default(),
         })
     }
 }

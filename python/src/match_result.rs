@@ -9,7 +9,7 @@ use multiscopic::{
         Cloud,
         ply::{self, Encoding},
     },
-    images::{FrameTree, PointFrame},
+    images::{Edges, FrameTree, PointFrame},
     stereo::confidence_map::ConfidenceMap,
 };
 use numpy::{PyArray2, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -76,6 +76,7 @@ impl MatchResult {
             baseline_mm: baseline_mm.or(self.camera.baseline_mm),
             principal_point: principal_point.unwrap_or(self.camera.principal_point),
             doffs: doffs.unwrap_or(self.camera.doffs),
+            frames: self.camera.frames,
         };
         let Some(geometry) = camera.geometry() else {
             let message =
@@ -95,6 +96,24 @@ impl MatchResult {
             }
         }
         Ok(geometry)
+    }
+
+    /// The cloud in a frame, without confidences.
+    fn cloud<'a>(&'a self, geometry: &'a Geometry, frame: &str, edges: &str) -> PyResult<Cloud<'a>> {
+        let unknown = |keyword: &str, found: &str, expected: &str| {
+            exception(Error::Usage(format!("{keyword} is {found:.40}, it must be {expected}")))
+        };
+        let frames = [PointFrame::Camera, PointFrame::Tool, PointFrame::Base];
+        let named = frames.into_iter().find(|known| known.name() == frame);
+        let frame = named.ok_or_else(|| unknown("frame", frame, "camera, tool or base"))?;
+        let edges = match edges {
+            "drop" => Edges::Drop,
+            "keep" => Edges::Keep,
+            _ => return Err(unknown("edges", edges, "drop or keep")),
+        };
+        let cloud = Cloud { frame, edges, frames: self.camera.frames, ..Cloud::new(&self.map, &self.center, geometry) };
+        cloud.check().map_err(exception)?;
+        Ok(cloud)
     }
 }
 
@@ -130,7 +149,8 @@ impl MatchResult {
         arrays::float_map(py, geometry.depths(&self.map))
     }
 
-    /// Points in metres: float32 of height x width x 3, NaN where there is none: x to the right, y down, z away from the camera.
+    /// Points in metres: float32 of height x width x 3, NaN where there is none: x to the right, y down, z away from the camera, or
+    /// in the frame of an arm.
     ///
     /// `points[np.isfinite(points[..., 2])]` is the cloud, as Open3D and others take it.
     ///
@@ -138,9 +158,12 @@ impl MatchResult {
     ///     focal_px, baseline_mm, doffs: as depth() takes them.
     ///     principal_point: where the optical axis meets the image, (x, y) in pixels from the centre of the top left pixel. The
     ///         default is the rig's, or the middle of the image.
+    ///     frame: "camera", "tool" or "base": the frame of coordinates. The others than the camera's need a rig that an arm took
+    ///         with a hand-eye calibration.
+    ///     edges: "drop" or "keep": points between two surfaces, which fly behind the nearer one.
     ///
     /// Raises:
-    ///     ValueError: the focal length or the baseline is unknown, or not above 0.
+    ///     ValueError: the focal length or the baseline is unknown, or not above 0; or it is not known where the frame is.
     ///
     /// >>> import numpy as np, multiscopic
     /// >>> center = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
@@ -148,7 +171,8 @@ impl MatchResult {
     /// >>> points = result.points(focal_px=500, baseline_mm=40, principal_point=(30, 20))
     /// >>> points.shape, [round(float(metres), 3) for metres in points[30, 40]]
     /// ((60, 80, 3), [0.1, 0.1, 5.0])
-    #[pyo3(signature = (focal_px=None, baseline_mm=None, doffs=None, principal_point=None))]
+    #[pyo3(signature = (focal_px=None, baseline_mm=None, doffs=None, principal_point=None, frame="camera", edges="drop"))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn points<'py>(
         &self,
         py: Python<'py>,
@@ -156,19 +180,17 @@ impl MatchResult {
         baseline_mm: Option<f64>,
         doffs: Option<f64>,
         principal_point: Option<[f64; 2]>,
+        frame: &str,
+        edges: &str,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let geometry = self.geometry(focal_px, baseline_mm, doffs, principal_point)?;
-        let rows = self.map.rows().enumerate();
-        let pixels = rows.flat_map(|(v, row)| row.iter().enumerate().map(move |(u, &disparity)| (u, v, disparity)));
-        let points = pixels.flat_map(|(u, v, disparity)| match disparity.and_then(|d| geometry.point(u, v, d)) {
-            Some(point) => point.map(|metres| metres as f32),
-            None => [f32::NAN; 3],
-        });
-        arrays::in_shape(py, points.collect(), [self.map.height(), self.map.width(), 3])
+        let cloud = self.cloud(&geometry, frame, edges)?;
+        let points = cloud.pixels().flat_map(|point| point.map_or([f32::NAN; 3], |point| point.metres)).collect();
+        arrays::in_shape(py, points, [self.map.height(), self.map.width(), 3])
     }
 
-    /// Writes a point cloud in metres as PLY: x to the right, y down, z away from the camera, in the colours of the centre, and
-    /// with the confidences if there are some. Any previous version of the file is replaced as a whole.
+    /// Writes a point cloud in metres as PLY, in the colours of the centre, and with the confidences if there are some. Any
+    /// previous version of the file is replaced as a whole.
     ///
     /// Args:
     ///     path: the file.
@@ -176,11 +198,12 @@ impl MatchResult {
     ///     principal_point: where the optical axis meets the image, (x, y) in pixels from the centre of the top left pixel. The
     ///         default is the rig's, or the middle of the image.
     ///     ascii: write text instead of binary numbers.
+    ///     frame, edges: as points() takes them.
     ///
     /// Raises:
     ///     OSError: the file cannot be written.
     ///     ValueError: the focal length or the baseline is unknown, or not above 0.
-    #[pyo3(signature = (path, focal_px=None, baseline_mm=None, doffs=None, principal_point=None, ascii=false))]
+    #[pyo3(signature = (path, focal_px=None, baseline_mm=None, doffs=None, principal_point=None, ascii=false, frame="camera", edges="drop"))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn write_ply(
         &self,
@@ -191,17 +214,12 @@ impl MatchResult {
         doffs: Option<f64>,
         principal_point: Option<[f64; 2]>,
         ascii: bool,
+        frame: &str,
+        edges: &str,
     ) -> PyResult<()> {
         let geometry = self.geometry(focal_px, baseline_mm, doffs, principal_point)?;
         let encoding = if ascii { Encoding::Ascii } else { Encoding::Binary };
-        let cloud = Cloud {
-            disparities: &self.map,
-            confidences: self.confidences.as_ref(),
-            center: &self.center,
-            geometry: &geometry,
-            frame: PointFrame::Camera,
-            frames: FrameTree::default(),
-        };
+        let cloud = Cloud { confidences: self.confidences.as_ref(), ..self.cloud(&geometry, frame, edges)? };
         py.detach(|| ply::write(&path, &cloud, encoding)).map_err(exception)
     }
 
@@ -223,18 +241,20 @@ pub struct KnownCamera {
     pub principal_point: [f64; 2],
     /// The negated disparity of a point at infinity, in pixels.
     pub doffs: f64,
+    /// The frames of coordinates of an arm, as far as they are known.
+    pub frames: FrameTree,
 }
 
 impl KnownCamera {
     /// A camera of which nothing is known, whose images have `width` x `height` pixels.
     pub fn unknown((width, height): (u32, u32)) -> KnownCamera {
         let principal_point = [width, height].map(|side| (f64::from(side) - 1.0) / 2.0);
-        KnownCamera { focal_px: None, baseline_mm: None, principal_point, doffs: 0.0 }
+        KnownCamera { focal_px: None, baseline_mm: None, principal_point, doffs: 0.0, frames: FrameTree::default() }
     }
 
     /// The geometry, if all of it is known.
     pub fn geometry(&self) -> Option<Geometry> {
-        let KnownCamera { focal_px, baseline_mm, principal_point, doffs } = *self;
+        let KnownCamera { focal_px, baseline_mm, principal_point, doffs, .. } = *self;
         Some(Geometry { focal_px: focal_px?, baseline_mm: baseline_mm?, principal_point, doffs })
     }
 }

@@ -41,7 +41,8 @@ pub(crate) struct RefinementOptions {
     #[arg(long, value_name = "N")]
     texture_threshold: Option<u32>,
 
-    /// Remove patches of up to this many pixels that stand alone (OpenCV: speckleWindowSize) [default: none]
+    /// Remove patches of up to this many pixels that stand alone in what --min-confidence keeps (OpenCV: speckleWindowSize)
+    /// [default: none]
     #[arg(long, value_name = "N")]
     speckle_window_size: Option<u32>,
 

@@ -18,14 +18,15 @@ pub enum Encoding {
     Ascii,
 }
 
-/// Writes every point of a cloud with its colour, and with its confidence from 0 to 255 if it has one.
+/// Writes every point of a cloud with its colour, and if it has them with its confidence from 0 to 255 and with `sigma`, the
+/// standard deviation of its depth in metres.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::Error::Usage) if the centre and the disparities differ in size, and
 /// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
 ///
 /// # Panics
-/// If the confidences and the disparities differ in size.
+/// If the confidences or deviations and the disparities differ in size.
 pub fn write(path: &Path, cloud: &Cloud, encoding: Encoding) -> Result<()> {
     cloud.check()?;
     output::write(path, |writer| {
@@ -43,18 +44,21 @@ pub fn write(path: &Path, cloud: &Cloud, encoding: Encoding) -> Result<()> {
         ["x", "y", "z"].iter().try_for_each(|axis| writeln!(writer, "property float {axis}"))?;
         ["red", "green", "blue"].iter().try_for_each(|color| writeln!(writer, "property uchar {color}"))?;
         cloud.confidences.iter().try_for_each(|_| writeln!(writer, "property uchar confidence"))?;
+        cloud.deviations.iter().try_for_each(|_| writeln!(writer, "property float sigma"))?;
         writeln!(writer, "end_header")?;
-        for CloudPoint { metres, color, confidence } in cloud.points() {
+        for CloudPoint { metres, color, confidence, sigma } in cloud.points() {
             match encoding {
                 Encoding::Binary => {
                     writer.write_all(metres.map(f32::to_le_bytes).as_flattened())?;
                     writer.write_all(&color)?;
                     writer.write_all(confidence.as_slice())?;
+                    writer.write_all(sigma.map(f32::to_le_bytes).as_ref().map_or(&[], |bytes| &bytes[..]))?;
                 }
                 Encoding::Ascii => {
                     let ([x, y, z], [red, green, blue]) = (metres, color);
                     write!(writer, "{x} {y} {z} {red} {green} {blue}")?;
                     confidence.iter().try_for_each(|confidence| write!(writer, " {confidence}"))?;
+                    sigma.iter().try_for_each(|sigma| write!(writer, " {sigma}"))?;
                     writeln!(writer)?;
                 }
             }
@@ -66,7 +70,7 @@ pub fn write(path: &Path, cloud: &Cloud, encoding: Encoding) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::images::{DisparityMap, FrameTree, Geometry, Picture, Raster};
+    use crate::images::{DisparityMap, FloatImage, Geometry, Picture, Raster};
     use image::{GrayImage, Rgb, RgbImage};
     use multiscopic_core::Disparity;
 
@@ -77,8 +81,7 @@ mod tests {
     }
 
     fn cloud<'a>(disparities: &'a DisparityMap, center: &'a Picture) -> Cloud<'a> {
-        let (frame, frames) = (PointFrame::Camera, FrameTree::default());
-        Cloud { disparities, confidences: None, center, geometry: &GEOMETRY, frame, frames }
+        Cloud::new(disparities, center, &GEOMETRY)
     }
 
     fn written(center: &Picture, encoding: Encoding) -> Vec<u8> {
@@ -102,6 +105,20 @@ mod tests {
         write(&path, &cloud, Encoding::Binary).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!((bytes[bytes.len() - 17], bytes[bytes.len() - 1]), (255, 7));
+    }
+
+    #[test]
+    fn deviations_are_the_last_numbers() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.ply");
+        let (center, deviations) = (Picture::Gray(GrayImage::new(2, 2)), FloatImage::new(2, 2, vec![9.0, 0.5, 0.25, 8.0]));
+        let map = map();
+        let cloud = Cloud { deviations: Some(&deviations), ..cloud(&map, &center) };
+        write(&path, &cloud, Encoding::Ascii).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.ends_with("property float sigma\nend_header\n0.02 0 2 0 0 0 0.5\n0 0.01 1 0 0 0 0.25\n"), "{text}");
+        write(&path, &cloud, Encoding::Binary).unwrap();
+        assert!(std::fs::read(&path).unwrap().ends_with(&0.25f32.to_le_bytes()));
     }
 
     #[test]

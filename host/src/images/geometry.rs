@@ -50,6 +50,28 @@ impl Geometry {
         self.depth_mm(f32::from(d).into()).map(|depth| depth / 1000.0)
     }
 
+    /// Returns the standard deviation of a depth in metres, of a disparity with a standard deviation in pixels and a baseline
+    /// with one in millimetres: `Z sqrt((deviation / (d + doffs))^2 + (baseline_deviation / baseline)^2)`. `None` if
+    /// `d + doffs <= 0`.
+    pub fn depth_deviation(&self, d: Disparity, deviation_px: f64, baseline_deviation_mm: f64) -> Option<f64> {
+        let shift = f64::from(f32::from(d)) + self.doffs;
+        Some(self.depth(d)? * (deviation_px / shift).hypot(baseline_deviation_mm / self.baseline_mm))
+    }
+
+    /// Returns the [standard deviations](Geometry::depth_deviation) of the depths of a map in metres, +inf where a pixel has no
+    /// depth. The `deviations` are those of the disparities in pixels.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub fn depth_deviations(&self, map: &DisparityMap, deviations: &FloatImage, baseline_deviation_mm: f64) -> FloatImage {
+        assert_eq!((map.width(), map.height()), (deviations.width(), deviations.height()), "sizes");
+        let metres = |(d, &deviation): (&Option<Disparity>, &f32)| {
+            let deviation = d.and_then(|d| self.depth_deviation(d, deviation.into(), baseline_deviation_mm));
+            deviation.map_or(f32::INFINITY, |metres| metres as f32)
+        };
+        FloatImage::new(map.width(), map.height(), map.pixels().iter().zip(deviations.pixels()).map(metres).collect())
+    }
+
     /// The depths of a map in metres, +inf where a pixel has none.
     pub fn depths(&self, map: &DisparityMap) -> FloatImage {
         map.map(|pixel| pixel.and_then(|d| self.depth(d)).map_or(f32::INFINITY, |z| z as f32))
@@ -109,6 +131,20 @@ mod tests {
         assert_eq!(GEOMETRY.depth(disparity(-1)), Some(20.0));
         assert_eq!(GEOMETRY.depth(disparity(-2)), None);
         assert_eq!(GEOMETRY.depth(disparity(-3)), None);
+    }
+
+    /// The derivative of depth by disparity and by baseline, by differences.
+    #[test]
+    fn deviations_of_depth_are_derivatives_times_deviations() {
+        let of_disparity = (GEOMETRY.depth_mm(8.01).unwrap() - GEOMETRY.depth_mm(7.99).unwrap()).abs() / 0.02 / 1000.0;
+        let longer = Geometry { baseline_mm: 41.0, ..GEOMETRY };
+        let of_baseline = longer.depth(disparity(8)).unwrap() - GEOMETRY.depth(disparity(8)).unwrap();
+        for (px, mm, expected) in [(0.3, 0.0, 0.3 * of_disparity), (0.0, 0.2, 0.2 * of_baseline)] {
+            let deviation = GEOMETRY.depth_deviation(disparity(8), px, mm).unwrap();
+            assert!((deviation - expected).abs() < 1e-4 * expected, "{deviation}, not {expected}");
+        }
+        assert_eq!(GEOMETRY.depth_deviation(disparity(8), 4.0, 16.0), Some(2.0 * 0.4f64.hypot(0.4)));
+        assert_eq!(GEOMETRY.depth_deviation(disparity(-2), 1.0, 1.0), None);
     }
 
     #[test]

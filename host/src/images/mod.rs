@@ -2,6 +2,7 @@
 //! that turns disparity into depth, transforms between frames of coordinates, and the displacements that rectify frames.
 
 mod color_scale;
+mod edges;
 mod frame_tree;
 mod frames;
 mod geometry;
@@ -13,6 +14,7 @@ mod transform;
 pub use multiscopic_engine::{DisparityMap, FloatImage, Raster};
 
 pub use color_scale::{ColorScale, Colormap, turbo};
+pub use edges::{Edges, between_surfaces};
 pub use frame_tree::{FrameTree, PointFrame};
 pub use frames::{Frames, Layout};
 pub use geometry::Geometry;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Mount;
 use crate::{
     error::{Error, Result},
-    files::{input, output},
+    files::{Rig, input, output},
     images::Transform,
 };
 
@@ -48,6 +48,14 @@ impl HandEye {
         let hand_eye: HandEye = input::read_toml(path, "a hand_eye.toml")?;
         hand_eye.check(path)?;
         Ok(hand_eye)
+    }
+
+    /// Reads the `hand_eye.toml` of a captured folder, if its rig names one.
+    ///
+    /// # Errors
+    /// Those of [`read`](HandEye::read).
+    pub fn of_rig(rig: &Rig, folder: &Path) -> Result<Option<HandEye>> {
+        rig.hand_eye.as_ref().map(|path| HandEye::read(&folder.join(path))).transpose()
     }
 
     /// Writes a `hand_eye.toml`.

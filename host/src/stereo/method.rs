@@ -14,6 +14,7 @@ use super::{
         mccnn::{self, Network},
     },
     cost_function::CostFunction,
+    deviation::{self, DeviationModel},
     network::{DisparityNetwork, Inputs},
     optimization::{
         edge_aware::{EdgeAware, Penalties},
@@ -24,7 +25,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    images::{DisparityMap, Frames, Raster},
+    images::{DisparityMap, FloatImage, Frames, Raster},
     progress::Progress,
 };
 
@@ -199,7 +200,11 @@ impl Method {
         if self.refinement.needs_confidences() {
             return Ok(self.disparities_and_confidences(engine, frames, search, progress)?.0);
         }
-        self.disparities_by_sets(engine, frames, search, None, progress)
+        let mut map = self.disparities_by_sets(engine, frames, search, None, progress)?;
+        if let Some(speckles) = self.refinement.speckles {
+            speckles.apply(&mut map);
+        }
+        Ok(map)
     }
 
     /// [`disparities`](Method::disparities), and how confident they are. If the views are at several baselines, the evidence is
@@ -240,6 +245,39 @@ impl Method {
         let mut evidence = Raster::filled(search.width(), search.height(), 0);
         let map = self.disparities_by_sets(engine, frames, search, Some(&mut evidence), progress)?;
         Ok((map, evidence))
+    }
+
+    /// Returns true if the [deviations](Method::deviations) of its disparities are known.
+    pub fn has_deviations(&self) -> bool {
+        self.deviation_model().is_some()
+    }
+
+    /// The model of its deviations. `None` for MC-CNN, whose errors were not measured.
+    fn deviation_model(&self) -> Option<&'static DeviationModel> {
+        match &self.pipeline {
+            Pipeline::BlockMatching { .. } => Some(&deviation::BLOCK_MATCHING),
+            Pipeline::SemiGlobal { .. } => Some(&deviation::SEMI_GLOBAL),
+            Pipeline::GraphCuts { .. } => Some(&deviation::GRAPH_CUTS),
+            Pipeline::Network(_) => Some(&deviation::NETWORK),
+            Pipeline::McCnn { .. } => None,
+        }
+    }
+
+    /// Returns the standard deviations of disparities that this method found in the centre of `frames` by `views`, with these
+    /// confidences, in pixels: +inf where invalid. `None` if they are not [known](Method::has_deviations).
+    ///
+    /// # Panics
+    /// If the sizes differ, or a view is missing.
+    pub fn deviations(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        views: Views,
+        map: &DisparityMap,
+        confidences: &ConfidenceMap,
+    ) -> Option<FloatImage> {
+        let model = self.deviation_model()?;
+        Some(engine.install(|| deviation::terms(map, confidences, frames, views)).deviations(map, confidences, model))
     }
 
     /// The probabilities that disparities are right, by the evidence that this method gives. `None` if the evidence is this

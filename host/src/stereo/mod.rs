@@ -15,6 +15,7 @@
 //! | [`optimization`] | the selection of disparities by their costs |
 //! | [`refinement`] | checks and filters of the disparities |
 //! | [`confidence_map`] | the probabilities that disparities are right |
+//! | [`deviation`] | their standard deviations |
 //! | [`BaselineRefinement`] | the refinement by views at longer baselines |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
 //! | [`CostFunction`] | the costs of semi-global matching, and their names |
@@ -27,6 +28,7 @@ mod baselines;
 pub mod confidence_map;
 pub mod cost;
 mod cost_function;
+pub mod deviation;
 pub(crate) mod memory;
 mod method;
 mod method_name;

@@ -20,7 +20,23 @@ pub struct LucasKanade<'a> {
 #[derive(Clone, Copy)]
 struct Difference {
     residual: f64,
+    /// The derivative of the match's grey level by the disparity.
     slope: f64,
+    /// That across the baseline, by a shift of the same length.
+    across: f64,
+}
+
+/// The fit of a disparity to the images.
+#[derive(Clone, Copy, Debug)]
+pub struct Fit {
+    /// The step that would be taken, in pixels.
+    pub step: f64,
+    /// The noise of a step over one pixel, in pixels.
+    pub noise: f64,
+    /// The mean difference of the window's disparities from this one, in pixels.
+    pub roughness: f64,
+    /// The share of the window that does not belong to the surface.
+    pub edge: f64,
 }
 
 impl LucasKanade<'_> {
@@ -72,20 +88,86 @@ impl LucasKanade<'_> {
     fn equations(&self, center: &Spline, views: &[((i32, i32), Spline)], disparities: &[Option<f32>]) -> [Vec<f64>; 2] {
         let [mut pulls, mut squares] = [(); 2].map(|()| vec![0.0; disparities.len()]);
         for (offset, view) in views {
-            let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
-            let differences: Vec<Option<Difference>> =
-                pixels.iter().map(|&pixel| self.difference(center, *offset, view, pixel, disparities)).collect();
-            for &(u, v) in &pixels {
-                let Some(Difference { residual, slope }) = differences[self.at(u, v)] else { continue };
-                let near = window(6).filter_map(|(dx, dy)| differences[self.inside(u + dx, v + dy)?]);
-                let near: Vec<f64> = near.map(|difference| difference.residual).collect();
-                let residual = residual - near.iter().sum::<f64>() / near.len() as f64;
-                let weight = 1.0 / (1.0 + (residual / 6.0).powi(2)).powi(2);
-                pulls[self.at(u, v)] += weight * slope * residual;
-                squares[self.at(u, v)] += weight * slope * slope;
+            for (at, difference) in self.evened(center, *offset, view, disparities).into_iter().enumerate() {
+                let Some(Difference { residual, slope, .. }) = difference else { continue };
+                pulls[at] += weight(residual) * slope * residual;
+                squares[at] += weight(residual) * slope * slope;
             }
         }
         [pulls, squares]
+    }
+
+    /// The fits of disparities, and the misalignment of the views in pixels, by the pixels that are `sure`.
+    pub fn fit(&self, disparities: &[Option<f32>], sure: &[bool]) -> (Vec<Option<Fit>>, f64) {
+        let center = Spline::new(self.width, self.height, self.center);
+        let differences: Vec<_> = self
+            .views
+            .iter()
+            .map(|(offset, image)| {
+                (*offset, self.evened(&center, *offset, &Spline::new(self.width, self.height, image), disparities))
+            })
+            .collect();
+        let pixels = || (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
+        let falloff = |k: i32| (-f64::from(k * k) / (2.0 * 1.5 * 1.5)).exp();
+        let total: f64 = (-3..=3).map(falloff).sum();
+        let fit = |(u, v): (i32, i32)| {
+            let d = disparities[self.at(u, v)]?;
+            let [mut pull, mut square, mut energy, mut count, mut gaps, mut weights] = [0.0; 6];
+            for (dx, dy) in window(3) {
+                let Some(at) = self.inside(u + dx, v + dy) else { continue };
+                let Some(gap) = disparities[at].map(|other| other - d).filter(|gap| gap.abs() <= 1.0) else { continue };
+                let share = falloff(dx) * falloff(dy) / (total * total);
+                gaps += share * f64::from(gap);
+                weights += share;
+                for Difference { residual, slope, .. } in differences.iter().filter_map(|(_, of_view)| of_view[at]) {
+                    pull += share * weight(residual) * slope * residual;
+                    square += share * weight(residual) * slope * slope;
+                    if slope.abs() >= 0.01 {
+                        energy += share * residual * residual / (1.0 + (residual / 6.0).powi(2));
+                        count += share;
+                    }
+                }
+            }
+            let noise = ((energy + 1.0) / (count + 1.0) / (square + 1.0)).sqrt();
+            let roughness = gaps / weights;
+            Some(Fit { step: (pull + 9.0 * roughness) / (square + 9.0), noise, roughness, edge: 1.0 - weights })
+        };
+        let (mut shifts, mut all) = (0.0, 0.0);
+        for ((i, j), of_view) in &differences {
+            let length = f64::from(i.abs().max(j.abs()));
+            for (part, is_along) in (0..16).flat_map(|part| [(part, false), (part, true)]) {
+                if is_along && self.views.len() == 1 {
+                    continue;
+                }
+                let is_in_part = |u: i32, v: i32| v * 4 / self.height * 4 + u * 4 / self.width == part;
+                let of_part = pixels().filter(|&(u, v)| is_in_part(u, v) && sure[self.at(u, v)]);
+                let (mut pull, mut square) = (0.0, 0.0);
+                for Difference { residual, slope, across } in of_part.filter_map(|(u, v)| of_view[self.at(u, v)]) {
+                    let slope = if is_along { slope } else { across };
+                    pull += weight(residual) * slope * residual;
+                    square += weight(residual) * slope * slope;
+                }
+                if square > 0.0 {
+                    shifts += pull * pull / square / (length * length);
+                    all += square / (length * length);
+                }
+            }
+        }
+        (pixels().map(fit).collect(), if all > 0.0 { (shifts / all).sqrt() } else { 0.0 })
+    }
+
+    /// The differences of a view from each pixel, less the mean residual around it.
+    fn evened(&self, center: &Spline, offset: (i32, i32), view: &Spline, disparities: &[Option<f32>]) -> Vec<Option<Difference>> {
+        let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
+        let differences: Vec<Option<Difference>> =
+            pixels.iter().map(|&pixel| self.difference(center, offset, view, pixel, disparities)).collect();
+        let evened = |&(u, v): &(i32, i32)| {
+            let difference = differences[self.at(u, v)]?;
+            let near = window(6).filter_map(|(dx, dy)| differences[self.inside(u + dx, v + dy)?]);
+            let near: Vec<f64> = near.map(|difference| difference.residual).collect();
+            Some(Difference { residual: difference.residual - near.iter().sum::<f64>() / near.len() as f64, ..difference })
+        };
+        pixels.iter().map(evened).collect()
     }
 
     /// The difference of a view from a pixel of the centre, if it sees the match.
@@ -105,8 +187,12 @@ impl LucasKanade<'_> {
         }
         let [gray, right, down] = view.at(x.into(), y.into());
         let [_, center_right, center_down] = center.at(u.into(), v.into());
-        let slope = -(f64::from(i) * (right + center_right) + f64::from(j) * (down + center_down)) / 2.0;
-        Some(Difference { residual: f64::from(self.center[self.at(u, v)]) - gray, slope })
+        let [right, down] = [right + center_right, down + center_down];
+        Some(Difference {
+            residual: f64::from(self.center[self.at(u, v)]) - gray,
+            slope: -(f64::from(i) * right + f64::from(j) * down) / 2.0,
+            across: (f64::from(j) * right - f64::from(i) * down) / 2.0,
+        })
     }
 
     fn inside(&self, u: i32, v: i32) -> Option<usize> {
@@ -116,6 +202,11 @@ impl LucasKanade<'_> {
     fn at(&self, u: i32, v: i32) -> usize {
         (v * self.width + u) as usize
     }
+}
+
+/// The weight of a residual, by which occlusions hardly count.
+fn weight(residual: f64) -> f64 {
+    1.0 / (1.0 + (residual / 6.0).powi(2)).powi(2)
 }
 
 /// The offsets of a square window.

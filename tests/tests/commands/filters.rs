@@ -151,6 +151,81 @@ fn the_picture_of_confidences_tells_what_is_kept() {
     }
 }
 
+/// The limits of distance, precision and place: each keeps what it should, and nothing else.
+#[test]
+fn limits_keep_what_is_within_them() {
+    let capture = Capture::new();
+    let [depth, sigma] = ["z.pfm", "s.pfm"].map(|name| capture.path(name));
+    let read = |path: &str| multiscopic::files::read_pfm(Path::new(path)).expect("a map");
+    let all = capture.disparities(&format!("--depth {depth} --sigma {sigma}"));
+    let [depth, sigma] = [depth, sigma].map(|path| read(&path));
+    let middle = |map: &FloatImage| {
+        let mut known: Vec<f32> = map.pixels().iter().copied().filter(|value| value.is_finite()).collect();
+        known.sort_by(f32::total_cmp);
+        known[known.len() / 2]
+    };
+    let (far, most) = (1000.0 * middle(&depth), middle(&sigma));
+    let within: [(String, &dyn Fn(usize) -> bool); 4] = [
+        (format!("--depth-range 0,{far}"), &|at| 1000.0 * depth.pixels()[at] <= far),
+        (format!("--max-sigma {most}"), &|at| sigma.pixels()[at] <= most),
+        ("--region 10,20,30,40".into(), &|at| (10..40).contains(&(at % 96)) && (20..60).contains(&(at / 96))),
+        ("--region 90,60,1000,1000".into(), &|at| at % 96 >= 90 && at / 96 >= 60),
+    ];
+    for (limit, is_within) in within {
+        let kept = capture.disparities(&limit);
+        // A value at a limit may round to either side of it.
+        let wrong = (0..96 * 72).filter(|&at| all.pixels()[at].is_finite() && kept.pixels()[at].is_finite() != is_within(at));
+        assert!(wrong.count() <= 1, "{limit}");
+        assert!(kept.pixels().iter().zip(all.pixels()).all(|(kept, d)| kept.is_infinite() || kept == d), "{limit}");
+        assert!((1..count(&all)).contains(&count(&kept)), "{limit}: {} of {}", count(&kept), count(&all));
+    }
+    let points = |options: &str| {
+        let cloud = capture.path("p.ply");
+        capture.matched(&format!("--ply {cloud} {options}")).assert_done();
+        let bytes = std::fs::read(&cloud).expect("a cloud");
+        let header = String::from_utf8_lossy(&bytes[..200]).into_owned();
+        let count = header.lines().find_map(|line| line.strip_prefix("element vertex ")).expect("a number of points");
+        count.parse::<usize>().expect("a number")
+    };
+    assert!(points("") < points("--edges keep"), "points between surfaces are dropped");
+    for (options, parts) in [
+        ("--region 96,0,5,5", ["--region", "96x72"]),
+        ("--region 1,2,0,5", ["--region", "100,50,320,240"]),
+        ("--depth-range 750,450", ["--depth-range", "450,750"]),
+        ("--max-sigma 0", ["--max-sigma", "above 0"]),
+        ("--edges blur", ["--edges", "keep"]),
+    ] {
+        capture.matched(options).assert_refused(&parts);
+    }
+}
+
+/// What the least confidence leaves alone are speckles, too.
+#[test]
+fn speckles_are_removed_from_what_is_sure() {
+    let capture = Capture::new();
+    let [sure, clean] =
+        ["", "--speckle-window-size 40"].map(|filter| capture.disparities(&format!("--min-confidence 0.8 {filter}")));
+    let mut seen = vec![false; 96 * 72];
+    let mut smallest = usize::MAX;
+    for start in (0..96 * 72).filter(|&at| clean.pixels()[at].is_finite()) {
+        let (mut size, mut open) = (0, vec![start]);
+        while let Some(at) = open.pop() {
+            if std::mem::replace(&mut seen[at], true) {
+                continue;
+            }
+            size += 1;
+            let (u, v) = (at % 96, at / 96);
+            let near = [(u > 0, 1), (v > 0, 96)].into_iter().filter_map(|(is_there, step)| is_there.then(|| at - step));
+            let near =
+                near.chain([(u < 95, 1), (v < 71, 96)].into_iter().filter_map(|(is_there, step)| is_there.then(|| at + step)));
+            open.extend(near.filter(|&next| (clean.pixels()[next] - clean.pixels()[at]).abs() <= 1.0));
+        }
+        smallest = smallest.min(if size > 0 { size } else { usize::MAX });
+    }
+    assert!(smallest > 40, "a patch of {smallest} pixels is left");
+    assert!((1..count(&sure)).contains(&count(&clean)));
+}
+
 #[test]
 fn what_has_no_effect_is_refused() {
     let capture = Capture::new();

@@ -88,6 +88,55 @@ fn equals_the_reference() {
     assert!(squares.len() > 10_000);
 }
 
+/// The fit, and the misalignment, that deviations are made of.
+#[test]
+fn the_fit_equals_the_reference() {
+    let mut random = Random(12);
+    let (mut compared, mut misaligned) = (0, 0);
+    for case in 0..24 {
+        let (width, height) = (8 + random.below(27), 8 + random.below(19));
+        let all = [(1, 0), (-1, 0), (0, -1), (0, 1), (1, 1), (-2, 1), (3, 0)];
+        let offsets: Vec<(i32, i32)> = all.into_iter().filter(|_| random.below(3) == 0).collect();
+        let mut images = plane(width, height, &offsets, 2.3, [0.0, 0.02, -0.03][case % 3]);
+        let noise = [0, 4, 100][random.below(3)];
+        images.others.iter_mut().flat_map(|(_, image)| image).for_each(|sample| {
+            *sample = sample.saturating_add(random.below(noise + 1) as u8);
+        });
+        let edge = random.below(width + 1);
+        let pixels = (0..width * height).map(|k| {
+            let bits = if k % width < edge { 2 * 64 } else { 4 * 64 } + random.below(40) as i16;
+            if random.below(12) == 0 { None } else { Disparity::from_bits(bits) }
+        });
+        let map = DisparityMap::new(width, height, pixels.collect());
+        let sure: Vec<bool> = (0..width * height).map(|_| random.below(3) > 0).collect();
+        let (found, misalignment) = LucasKanade.fit(&map, |at| sure[at], &images.frames(), images.frames().views());
+        let reference = reference::LucasKanade {
+            width: width as i32,
+            height: height as i32,
+            center: &images.center,
+            views: images.others.iter().map(|(offset, image)| (*offset, &image[..])).collect(),
+            range: [0, 9],
+        };
+        let start: Vec<Option<f32>> = map.pixels().iter().map(|d| d.map(f32::from)).collect();
+        let (expected, of_reference) = reference.fit(&start, &sure);
+        let is_near = |found: f32, expected: f64| (f64::from(found) - expected).abs() < 1e-3 * expected.abs().max(1.0);
+        assert!(is_near(misalignment, of_reference), "a misalignment of {misalignment}, not {of_reference}");
+        misaligned += usize::from(misalignment > 0.01);
+        for (found, expected) in found.pixels().iter().zip(expected) {
+            let Some(expected) = expected else { continue };
+            let pairs = [
+                (found.step, expected.step),
+                (found.noise, expected.noise),
+                (found.roughness, expected.roughness),
+                (found.edge, expected.edge),
+            ];
+            assert!(pairs.iter().all(|(found, expected)| is_near(*found, *expected)), "{found:?}, not {expected:?}");
+            compared += 1;
+        }
+    }
+    assert!(compared > 5000 && misaligned > 5, "{compared} pixels, {misaligned} captures");
+}
+
 #[test]
 fn finds_fractions_of_a_pixel() {
     let (width, height) = (60, 40);

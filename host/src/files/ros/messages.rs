@@ -101,18 +101,21 @@ impl Stamp<'_> {
         cdr.into_bytes()
     }
 
-    /// `sensor_msgs/msg/PointCloud2` of points in a row: `x`, `y`, `z`, `rgb`, and `confidence` from 0 to 1 if they have one.
+    /// `sensor_msgs/msg/PointCloud2` of points in a row: `x`, `y`, `z`, `rgb`, and if they have them `confidence` from 0 to 1 and
+    /// `sigma`, the standard deviation of `z` in metres.
     pub fn points(self, points: &[CloudPoint]) -> Vec<u8> {
-        let has_confidences = points.iter().any(|point| point.confidence.is_some());
-        let names = ["x", "y", "z", "rgb", "confidence"];
-        let names = if has_confidences { &names[..] } else { &names[..4] };
+        let first = points.first();
+        let has_confidences = first.is_some_and(|point| point.confidence.is_some());
+        let has_deviations = first.is_some_and(|point| point.sigma.is_some());
+        let names =
+            [("x", true), ("y", true), ("z", true), ("rgb", true), ("confidence", has_confidences), ("sigma", has_deviations)];
+        let names: Vec<&str> = names.into_iter().filter_map(|(name, is_there)| is_there.then_some(name)).collect();
         let mut data = Vec::with_capacity(points.len() * 4 * names.len());
-        for &CloudPoint { metres, color: [red, green, blue], confidence } in points {
+        for &CloudPoint { metres, color: [red, green, blue], confidence, sigma } in points {
             metres.iter().for_each(|metres| data.extend(metres.to_le_bytes()));
             data.extend([blue, green, red, 0]);
-            if has_confidences {
-                data.extend((f32::from(confidence.unwrap_or(0)) / 255.0).to_le_bytes());
-            }
+            let probability = confidence.map(|confidence| f32::from(confidence) / 255.0);
+            [probability, sigma].into_iter().flatten().for_each(|number| data.extend(number.to_le_bytes()));
         }
         let mut cdr = self.begin();
         cdr.u32(1);

@@ -34,7 +34,7 @@ use messages::{Definition, Stamp, TransformStamped};
 /// | `/depth/image` | `sensor_msgs/msg/Image` | metres as `32FC1`, NaN where unknown (REP 118) |
 /// | `/confidence/image` | `sensor_msgs/msg/Image` | confidences, if there are any, 255 is certain |
 /// | `/disparity` | `stereo_msgs/msg/DisparityImage` | pixels as `32FC1`, below `min_disparity` where unknown |
-/// | `/points` | `sensor_msgs/msg/PointCloud2` | metres in the frame of the cloud |
+/// | `/points` | `sensor_msgs/msg/PointCloud2` | metres in the frame of the cloud; `confidence` and `sigma` if there are any |
 /// | `/tf_static`, `/tf` | `tf2_msgs/msg/TFMessage` | where the camera is on the tool, and the tool in the base, as far as it is known |
 #[derive(Clone, Copy, Debug)]
 pub struct RosRecording<'a> {
@@ -75,7 +75,7 @@ impl RosRecording<'_> {
     pub fn messages(&self, time: Duration) -> Result<Vec<RosMessage>> {
         let RosRecording { cloud, range } = *self;
         cloud.check()?;
-        let Cloud { disparities, confidences, center, geometry, frame, frames } = cloud;
+        let Cloud { disparities, confidences, center, geometry, frame, frames, .. } = cloud;
         let (camera_id, is_turned) = (PointFrame::Camera.id(), frames.rectified_in_camera != Transform::IDENTITY);
         let stamp = Stamp { time, frame_id: if is_turned { RosRecording::RECTIFIED_FRAME_ID } else { camera_id } };
         let size = [disparities.width(), disparities.height()];

@@ -5,7 +5,7 @@ use std::{iter, ops::RangeInclusive};
 use multiscopic_core::{Disparity, Frame, View, Views};
 use rayon::prelude::*;
 
-use crate::images::{DisparityMap, Frames, InterpolatedImage};
+use crate::images::{DisparityMap, Frames, InterpolatedImage, Raster};
 
 /// The number of iterations, each of which moves the disparities.
 const ITERATIONS: usize = 3;
@@ -21,6 +21,10 @@ const BRIGHTNESS_RADIUS: usize = 6;
 const OUTLIER: f32 = 6.0;
 /// The weight of smoothness: the square of the slope, in grey levels per pixel of disparity, at which images count as much.
 const STIFFNESS: f32 = 9.0;
+/// The energy of residuals and of slopes, in squared grey levels, below which [`Fit`] trusts neither.
+const LEAST_ENERGY: f32 = 1.0;
+/// The slope, in grey levels per pixel, below which a pixel tells nothing about the noise of [`Fit`].
+const LEAST_SLOPE: f32 = 0.01;
 /// The longest step of an iteration, in pixels of the longest baseline.
 const MOST_STEP: f32 = 0.375;
 /// The longest way of all iterations, in pixels of the longest baseline.
@@ -78,6 +82,76 @@ impl LucasKanade {
         });
         DisparityMap::new(map.width(), map.height(), pixels.collect())
     }
+
+    /// Returns the fit of the disparities of the centre of `frames` to the images, and the misalignment of the views in pixels:
+    /// the root mean square of the shifts, across their baselines and for several views also along them, that explain the
+    /// residuals in each of 4 x 4 parts of the image. Only pixels that are `sure` count for it. Computed on the threads of the
+    /// current pool.
+    ///
+    /// # Panics
+    /// If a view is missing.
+    pub fn fit(self, map: &DisparityMap, sure: impl Fn(usize) -> bool, frames: &Frames, views: Views) -> (Raster<Fit>, f32) {
+        let disparities: Vec<f32> = map.pixels().iter().map(|d| d.map_or(f32::NAN, f32::from)).collect();
+        let scene = Scene::new(frames, views);
+        let zeros = || vec![0.0; disparities.len()];
+        let equations = || Equations { pulls: zeros(), squares: zeros() };
+        let (mut steps, mut noise) = (equations(), equations());
+        let mut misalignment = [0.0; 2];
+        for (view, image) in &scene.views {
+            let mut differences = scene.differences(*view, image, &disparities);
+            let mut own = equations();
+            scene.add(&differences, &mut own, pull);
+            if scene.views.len() > 1 {
+                scene.add_shifts(&own, *view, &sure, &mut misalignment);
+            }
+            add_row(&mut steps.pulls, &own.pulls);
+            add_row(&mut steps.squares, &own.squares);
+            scene.add(&differences, &mut noise, |weight, residual, slope| match slope.abs() < LEAST_SLOPE {
+                true => [0.0; 2],
+                false => [weight.sqrt() * residual * residual, 1.0],
+            });
+            scene.slopes_across(*view, image, &disparities, &mut differences.slopes);
+            let mut across = equations();
+            scene.add(&differences, &mut across, pull);
+            scene.add_shifts(&across, *view, &sure, &mut misalignment);
+        }
+        let mut fits = Raster::filled(scene.width, scene.height, Fit::default());
+        fits.pixels_mut().par_chunks_exact_mut(scene.width).enumerate().for_each_init(
+            || [WindowSums::new(scene.width), WindowSums::new(scene.width)],
+            |[sums, noises], (v, fits)| {
+                scene.sum_window(v, &disparities, &steps, sums);
+                scene.sum_window(v, &disparities, &noise, noises);
+                for (u, fit) in fits.iter_mut().enumerate() {
+                    let (square, weight) = (sums.squares[u], sums.weights[u]);
+                    // There is no weight where the pixel is invalid.
+                    let roughness = if weight > 0.0 { sums.gaps[u] / weight } else { 0.0 };
+                    let energy = (noises.pulls[u] + LEAST_ENERGY) / (noises.squares[u] + LEAST_ENERGY);
+                    *fit = Fit {
+                        step: (sums.pulls[u] + STIFFNESS * roughness) / (square + STIFFNESS),
+                        noise: (energy / (square + LEAST_ENERGY)).sqrt(),
+                        roughness,
+                        edge: 1.0 - weight,
+                    };
+                }
+            },
+        );
+        let [shifts, weights] = misalignment;
+        (fits, if weights > 0.0 { (shifts / weights).sqrt() as f32 } else { 0.0 })
+    }
+}
+
+/// The fit of a disparity to the images.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fit {
+    /// The step that [`LucasKanade`] would take, in pixels.
+    pub step: f32,
+    /// The deviation of a step of the noise that the residuals show, over one pixel of the window, in pixels: the root of their
+    /// mean square, and at least of one grey level, over the root of the squared slopes.
+    pub noise: f32,
+    /// The mean difference of the window's disparities from this one, in pixels.
+    pub roughness: f32,
+    /// The share of the window, from 0 to 1, that belongs to other surfaces, has no disparity or is beyond the image.
+    pub edge: f32,
 }
 
 /// The images.
@@ -143,7 +217,8 @@ impl Scene {
         let zeros = || vec![0.0; disparities.len()];
         let mut equations = Equations { pulls: zeros(), squares: zeros() };
         for (view, image) in &self.views {
-            self.add(&self.differences(*view, image, disparities), &mut equations);
+            let differences = self.differences(*view, image, disparities);
+            self.add(&differences, &mut equations, pull);
         }
         let mut moved = disparities.to_vec();
         moved.par_chunks_exact_mut(self.width).enumerate().for_each_init(
@@ -165,7 +240,7 @@ impl Scene {
     /// Computes the differences between the centre's pixels and their matches in a view.
     fn differences(&self, view: View, image: &InterpolatedImage, disparities: &[f32]) -> Differences {
         let zeros = || vec![0.0; disparities.len()];
-        let Scene { width, height, .. } = *self;
+        let Scene { width, .. } = *self;
         let mut differences = Differences { residuals: zeros(), slopes: zeros(), sums: zeros(), counts: zeros() };
         let Differences { residuals, slopes, sums, counts } = &mut differences;
         let [i, j] = [view.right(), view.down()].map(f32::from);
@@ -176,11 +251,8 @@ impl Scene {
             |seen, (v, ((residuals, slopes), (sums, counts)))| {
                 for u in 0..width {
                     let at = v * width + u;
-                    let (x, y) = (u as f32 - i * disparities[at], v as f32 - j * disparities[at]);
-                    // Not where the disparity is invalid, which is NaN.
-                    let is_seen = x >= 0.0 && y >= 0.0 && x <= (width - 1) as f32 && y <= (height - 1) as f32;
                     (seen[u], residuals[u], slopes[u]) = (0.0, 0.0, 0.0);
-                    if is_seen {
+                    if let Some([x, y]) = self.seen_match(view, at, disparities[at]) {
                         let [gray, right, down] = image.with_gradient([x.into(), y.into()]).map(|value| value as f32);
                         let [center_right, center_down] = self.gradients[at];
                         seen[u] = 1.0;
@@ -195,8 +267,54 @@ impl Scene {
         differences
     }
 
-    /// Adds the equations of a view.
-    fn add(&self, differences: &Differences, equations: &mut Equations) {
+    /// The match of a pixel, by its place row by row, in a view that sees it.
+    fn seen_match(&self, view: View, at: usize, disparity: f32) -> Option<[f32; 2]> {
+        let Scene { width, height, .. } = *self;
+        let (u, v) = (at % width, at / width);
+        let (x, y) = (u as f32 - f32::from(view.right()) * disparity, v as f32 - f32::from(view.down()) * disparity);
+        // Not where the disparity is invalid, which is NaN.
+        let is_seen = x >= 0.0 && y >= 0.0 && x <= (width - 1) as f32 && y <= (height - 1) as f32;
+        is_seen.then_some([x, y])
+    }
+
+    /// Replaces slopes by the derivatives of the matches' grey levels across the baseline of a view, each over the length of
+    /// the baseline as those along it are; 0 where the view does not see the match.
+    fn slopes_across(&self, view: View, image: &InterpolatedImage, disparities: &[f32], slopes: &mut [f32]) {
+        let [i, j] = [view.right(), view.down()].map(f32::from);
+        slopes.par_chunks_exact_mut(self.width).enumerate().for_each(|(v, slopes)| {
+            for (u, slope) in slopes.iter_mut().enumerate() {
+                let at = v * self.width + u;
+                let Some([x, y]) = self.seen_match(view, at, disparities[at]) else { continue };
+                let [_, right, down] = image.with_gradient([x.into(), y.into()]).map(|value| value as f32);
+                let [center_right, center_down] = self.gradients[at];
+                *slope = (j * (right + center_right) - i * (down + center_down)) / 2.0;
+            }
+        });
+    }
+
+    /// Adds the squares of the shifts of a view in the parts of the image, each weighted by its squared slopes, and the
+    /// weights.
+    fn add_shifts(&self, of_view: &Equations, view: View, sure: impl Fn(usize) -> bool, [shifts, weights]: &mut [f64; 2]) {
+        const PARTS: usize = 4;
+        let part = |at: usize| {
+            let (u, v) = (at % self.width, at / self.width);
+            v * PARTS / self.height * PARTS + u * PARTS / self.width
+        };
+        let mut sums = [[0.0f64; 2]; PARTS * PARTS];
+        for (at, (pull, square)) in of_view.pulls.iter().zip(&of_view.squares).enumerate().filter(|(at, _)| sure(*at)) {
+            let [pulls, squares] = &mut sums[part(at)];
+            (*pulls, *squares) = (*pulls + f64::from(*pull), *squares + f64::from(*square));
+        }
+        let length = f64::from(view.right().unsigned_abs().max(view.down().unsigned_abs()));
+        for [pull, square] in sums.into_iter().filter(|[_, square]| *square > 0.0) {
+            // A view at a longer baseline has a steeper slope, and its shift is in pixels of the shortest.
+            *shifts += pull * pull / square / (length * length);
+            *weights += square / (length * length);
+        }
+    }
+
+    /// Adds the equations of a view: the `terms` of weight, residual and slope.
+    fn add(&self, differences: &Differences, equations: &mut Equations, terms: impl Fn(f32, f32, f32) -> [f32; 2] + Sync) {
         let Differences { residuals, slopes, sums, counts } = differences;
         let Scene { width, height, .. } = *self;
         let rows = equations.pulls.par_chunks_exact_mut(width).zip(equations.squares.par_chunks_exact_mut(width));
@@ -216,9 +334,9 @@ impl Scene {
                     let residual = residual - sum / count.max(1.0);
                     let ratio = residual / OUTLIER;
                     let root = 1.0 / (1.0 + ratio * ratio);
-                    let weighted = root * root * slope;
-                    *pull += weighted * residual;
-                    *square += weighted * slope;
+                    let [first, second] = terms(root * root, residual, *slope);
+                    *pull += first;
+                    *square += second;
                 }
             },
         );
@@ -280,6 +398,11 @@ impl WindowSums {
             weights[u] += weight;
         }
     }
+}
+
+/// The terms of the equations for a step: weight, slope and residual, and weight and squared slope.
+fn pull(weight: f32, residual: f32, slope: f32) -> [f32; 2] {
+    [weight * slope * residual, weight * slope * slope]
 }
 
 fn add_row(sums: &mut [f32], row: &[f32]) {

@@ -24,7 +24,7 @@ use crate::{
 pub use checks::{Speckles, TextureThreshold, check_left_right, keep_unique, view_disparities};
 pub(in crate::stereo) use filters::fill_lines;
 pub use filters::{BackgroundFill, Bilateral, Median};
-pub use lucas_kanade::LucasKanade;
+pub use lucas_kanade::{Fit, LucasKanade};
 pub use margin::SearchMargin;
 pub use occlusions::OcclusionFill;
 pub use smoother::Smoother;
@@ -49,8 +49,6 @@ pub struct Refinement {
     pub median: Option<Median>,
     /// A bilateral filter.
     pub bilateral: Option<Bilateral>,
-    /// A filter that invalidates small patches.
-    pub speckles: Option<Speckles>,
     /// A sub-pixel step by the gradients of all views, those at longer baselines included.
     pub sub_pixel: Option<LucasKanade>,
     /// The [repair](Smoother::repair) of disparities that are more probably wrong than right, by the sure ones around them.
@@ -59,6 +57,8 @@ pub struct Refinement {
     pub occlusions: Option<OcclusionFill>,
     /// The least [confidence](crate::stereo::confidence_map) of disparities that are kept after the filters above.
     pub min_confidence: Option<u8>,
+    /// A filter that invalidates small patches of what is left.
+    pub speckles: Option<Speckles>,
     /// The smoother that makes a dense map from the sure disparities.
     pub smoother: Option<Smoother>,
     /// A filter that fills holes from the background.
@@ -74,11 +74,11 @@ impl Refinement {
         texture: None,
         median: None,
         bilateral: None,
-        speckles: None,
         sub_pixel: None,
         repair: None,
         occlusions: None,
         min_confidence: None,
+        speckles: None,
         smoother: None,
         fill: None,
     };
@@ -133,6 +133,10 @@ impl Refinement {
         if let Some(least) = self.min_confidence {
             confidence_map::filter_by_confidence(&mut map, &mut confidences, least);
         }
+        if let Some(speckles) = self.speckles {
+            speckles.apply(&mut map);
+            confidences = confidence_map::where_valid(&map, confidences);
+        }
         if let Some(smoother) = self.smoother {
             (map, confidences) = smoother.apply(&map, &confidences, &guide())?;
         }
@@ -152,9 +156,6 @@ impl Refinement {
         }
         if let Some(bilateral) = self.bilateral {
             map = bilateral.apply(&map);
-        }
-        if let Some(speckles) = self.speckles {
-            speckles.apply(&mut map);
         }
         map
     }

@@ -327,6 +327,7 @@ fn a_point_cloud_has_positions_and_colours_of_the_pixels() {
     let [raw, ply] = [("--raw16", "raw.png"), ("--ply", "cloud.ply")].map(|(option, name)| bench.output(option, name));
     bench.search_around_infinity();
     bench.geometry_options();
+    bench.add("--edges", "keep");
     let center = golden::images().center;
     for encoding in [None, Some("--ply-ascii")] {
         bench.arguments.extend(encoding.map(String::from));

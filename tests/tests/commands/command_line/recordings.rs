@@ -93,11 +93,30 @@ fn every_field_and_pixel_is_that_of_the_other_files() {
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
     make("scene --random --seed 7 --views 2 --size 160x120", &dir.path().join("scenes"));
     let rig = path("scenes/0000");
-    let outputs = [("-o", "d.pfm"), ("--depth", "z.pfm"), ("--confidence", "c.png"), ("--ply", "p.ply"), ("--mcap", "r.mcap")];
-    let mut words: Vec<String> =
-        ["match", &rig, "--method", "bm", "--num-disparities", "24", "--uniqueness-ratio", "10", "--doffs", "2"]
-            .map(Into::into)
-            .into();
+    let outputs = [
+        ("-o", "d.pfm"),
+        ("--depth", "z.pfm"),
+        ("--confidence", "c.png"),
+        ("--ply", "p.ply"),
+        ("--mcap", "r.mcap"),
+        ("--sigma", "s.pfm"),
+    ];
+    let mut words: Vec<String> = [
+        "match",
+        &rig,
+        "--method",
+        "bm",
+        "--num-disparities",
+        "24",
+        "--uniqueness-ratio",
+        "10",
+        "--doffs",
+        "2",
+        "--edges",
+        "keep",
+    ]
+    .map(Into::into)
+    .into();
     outputs.iter().for_each(|(option, name)| words.extend([(*option).into(), path(name)]));
     Invocation::new(words).assert_done();
 
@@ -184,19 +203,23 @@ fn every_field_and_pixel_is_that_of_the_other_files() {
             name
         })
         .collect();
-    assert_eq!(names, ["x", "y", "z", "rgb", "confidence"]);
-    assert_eq!((cloud.take(1), cloud.u32(), cloud.u32()), (&[0][..], 20, 20 * count));
+    assert_eq!(names, ["x", "y", "z", "rgb", "confidence", "sigma"]);
+    assert_eq!((cloud.take(1), cloud.u32(), cloud.u32()), (&[0][..], 24, 24 * count));
     let points = cloud.bytes();
     assert_eq!(cloud.take(1), [1], "all are finite");
     cloud.end();
     let ply = fs::read(path("p.ply")).expect("points");
     let start = ply.windows(11).position(|text| text == b"end_header\n").expect("a header") + 11;
-    let (vertices, rest) = ply[start..].as_chunks::<16>();
+    let (vertices, rest) = ply[start..].as_chunks::<20>();
     assert_eq!((vertices.len(), rest.len()), (count as usize, 0));
-    for (point, vertex) in points.as_chunks::<20>().0.iter().zip(vertices) {
+    let sigmas = map("s.pfm").into_pixels().into_iter().filter(|millimetres| millimetres.is_finite());
+    assert_eq!(sigmas.clone().count(), vertices.len());
+    for ((point, vertex), millimetres) in points.as_chunks::<24>().0.iter().zip(vertices).zip(sigmas) {
         assert_eq!(point[..12], vertex[..12], "coordinates");
         assert_eq!([point[14], point[13], point[12]], vertex[12..15], "red, green, blue");
-        assert_eq!(floats(&point[16..]), [f32::from(vertex[15]) / 255.0], "confidence");
+        assert_eq!(floats(&point[16..20]), [f32::from(vertex[15]) / 255.0], "confidence");
+        assert_eq!(point[20..], vertex[16..], "standard deviation");
+        assert!((1000.0 * floats(&point[20..])[0] - millimetres).abs() < 1e-4 * millimetres, "{millimetres} mm");
     }
 }
 

@@ -11,7 +11,6 @@ use multiscopic::{
         Cloud, output,
         ros::{RosRecording, RosStream},
     },
-    images::PointFrame,
     stereo::MethodName,
 };
 use multiscopic_core::Frame;
@@ -85,8 +84,7 @@ impl<'a> LiveRecording<'a> {
         mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
         let range = [search.min_disparity(), search.max_disparity()];
         let frames = source.frame_tree(undistortion.as_ref(), None, None)?;
-        let (disparities, confidences, frame) = (&disparities, Some(&confidences), PointFrame::Camera);
-        let cloud = Cloud { disparities, confidences, center: &center, geometry: &geometry, frame, frames };
+        let cloud = Cloud { confidences: Some(&confidences), frames, ..Cloud::new(&disparities, &center, &geometry) };
         let recording = RosRecording { cloud, range };
         let exposed = source.exposed().duration_since(UNIX_EPOCH).unwrap_or_default();
         self.publisher.iter().try_for_each(|publisher| publisher.publish(&recording, exposed))?;

@@ -13,7 +13,7 @@ use multiscopic::{
         input, output,
         ply::{self, Encoding},
     },
-    images::{FrameTree, PointFrame, montage},
+    images::montage,
     scene::{PinholeCamera, Shot},
     stereo::{MethodName, confidence_map::ConfidenceMap},
 };
@@ -155,9 +155,7 @@ impl ResultsFolder {
         let center = Picture::Rgb(shot.center.clone());
         let size = [camera.width as usize, camera.height as usize];
         let geometry = scene::rig(camera, self.views, String::new()).geometry(size).expect("the camera is known");
-        let (disparities, confidences, geometry) = (&best.disparities, None, &geometry);
-        let (frame, frames) = (PointFrame::Camera, FrameTree::default());
-        let cloud = Cloud { disparities, confidences, center: &center, geometry, frame, frames };
+        let cloud = Cloud::new(&best.disparities, &center, &geometry);
         ply::write(&self.file(CLOUD), &cloud, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(fused), &color(&best.disparities), &color(&truth)];
         write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))

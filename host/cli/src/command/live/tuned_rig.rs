@@ -3,13 +3,13 @@
 use std::{
     path::{Path, PathBuf},
     sync::OnceLock,
-    time::Instant,
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 use multiscopic::{
     DisparityMap, Engine, Frames, Geometry, Inspection, MatchSetup, Method, Picture, Progress, RangeSource, Result,
     files::{Cloud, MatchedImages, ros::RosRecording},
-    images::{FrameTree, PointFrame},
+    images::FrameTree,
     lens::Undistortion,
     stereo::{
         MethodName,
@@ -40,6 +40,8 @@ pub struct TunedRig {
     geometry: Option<Geometry>,
     undistortion: Option<Undistortion>,
     frame_tree: FrameTree,
+    /// The time at which the centre was exposed.
+    exposed: SystemTime,
     inspection: Inspection,
     scene: ViewedScene,
 }
@@ -89,8 +91,8 @@ impl TunedRig {
             None => center,
         };
         let frame_tree = source.frame_tree(undistortion.as_ref(), None, None)?;
-        let (folder, suited) = (folder.into(), Default::default());
-        Ok(TunedRig { folder, frames, suited, center, geometry, undistortion, frame_tree, inspection, scene })
+        let (folder, suited, exposed) = (folder.into(), Default::default(), source.exposed());
+        Ok(TunedRig { folder, frames, suited, center, geometry, undistortion, frame_tree, exposed, inspection, scene })
     }
 
     /// Its folder.
@@ -101,6 +103,11 @@ impl TunedRig {
     /// Returns true if the focal length and the baseline are known, so that disparities have depths.
     pub fn has_geometry(&self) -> bool {
         self.geometry.is_some()
+    }
+
+    /// The time at which the centre was exposed, since 1970.
+    pub fn exposed(&self) -> Duration {
+        self.exposed.duration_since(UNIX_EPOCH).unwrap_or_default()
     }
 
     /// Returns what the page shows of it, without maps.
@@ -139,14 +146,8 @@ impl TunedRig {
         (disparities, confidences, _): &'a (DisparityMap, ConfidenceMap, f64),
     ) -> Option<RosRecording<'a>> {
         let (center, geometry) = (&self.center, self.geometry.as_ref()?);
-        let cloud = Cloud {
-            disparities,
-            confidences: Some(confidences),
-            center,
-            geometry,
-            frame: PointFrame::Camera,
-            frames: self.frame_tree,
-        };
+        let cloud =
+            Cloud { confidences: Some(confidences), frames: self.frame_tree, ..Cloud::new(disparities, center, geometry) };
         Some(RosRecording { cloud, range: [plan.search.min_disparity(), plan.search.max_disparity()] })
     }
 

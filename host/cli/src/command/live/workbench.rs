@@ -5,7 +5,7 @@ use std::{
         Arc, Condvar, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicU64, Ordering},
     },
-    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant},
 };
 
 use multiscopic::{
@@ -195,7 +195,7 @@ impl Workbench {
             }
             let outcome = outcome?;
             if let (Some(publisher), Some(recording)) = (&self.publisher, rig.recording(plan, &outcome)) {
-                publisher.publish(&recording, SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())?;
+                publisher.publish(&recording, rig.exposed())?;
             }
             let Tuned { map, summary, warnings } = rig.tuned(plan, outcome);
             let notice =

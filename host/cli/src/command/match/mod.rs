@@ -1,5 +1,6 @@
 //! `multiscopic match`: disparities from images.
 
+mod limits;
 mod outputs;
 
 use std::{
@@ -11,11 +12,12 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    DisparityMap, Engine, Error, Frames, Inspection, RangeSource, Result,
+    DisparityMap, Engine, Error, FloatImage, Frames, Inspection, RangeSource, Result,
     files::{Cloud, ListedRig, MatchedImages, output},
     stereo::{
         BaselineRefinement,
         confidence_map::{self, ConfidenceMap},
+        deviation,
         network::Inputs,
         write_inputs,
     },
@@ -23,7 +25,10 @@ use multiscopic::{
 use multiscopic_core::{Disparity, Frame, SearchSpace};
 use serde::{Deserialize, Serialize};
 
-use self::outputs::Outputs;
+use self::{
+    limits::Limits,
+    outputs::{Findings, Outputs},
+};
 use super::{
     advice,
     batch::{BatchOptions, Done, RunSettings},
@@ -75,6 +80,9 @@ pub struct Match {
     /// images show at most 511]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16), help_heading = "Matching")]
     shrink: Option<u32>,
+
+    #[command(flatten)]
+    limits: Limits,
 
     #[command(flatten)]
     outputs: Outputs,
@@ -138,7 +146,7 @@ impl Match {
     fn matched(&self, mut source: Source, outputs: &Outputs, engine: &Engine) -> Result<(Summary, DisparityMap)> {
         let (mut frames, mut center, mut undistortion) = source.load()?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
-        if let Some(output) = outputs.of_depth() {
+        if let Some(output) = outputs.of_depth().or(self.limits.of_depth().map(String::from)) {
             self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
         }
         outputs.check()?;
@@ -152,6 +160,7 @@ impl Match {
             geometry = geometry.map(|geometry| geometry.shrunk(shrink));
         }
         let (size, views) = (frames.size(), frames.views());
+        self.limits.check(size)?;
         let search = |range| self.matching.search(size, views, range);
         let ways = (&self.preparation, self.matching.search.range_source(&self.preparation));
         let preparation = prepare(ways, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
@@ -181,7 +190,17 @@ impl Match {
         let (method, frames) = preparation.suited(method, frames);
         let watch = Watch::new();
         let start = Instant::now();
-        let (mut disparities, mut confidences) = match (prior, outputs.has_confidences()) {
+        let has_deviations = geometry.is_some() && method.has_deviations();
+        if let Some(option) = outputs.sigma.as_ref().map(|_| "--sigma").or(self.limits.max_sigma.map(|_| "--max-sigma"))
+            && !has_deviations
+        {
+            let name = self.matching.method.name();
+            return Err(Error::Usage(format!(
+                "{option}: the errors of {name} were not measured, so that its deviations are unknown: give --method net, bm, sgm \
+                 or gc"
+            )));
+        }
+        let (mut disparities, mut confidences) = match (prior, outputs.has_confidences() || has_deviations) {
             (Some(prior), _) => (method.disparities_around(engine, &frames, prior, &watch)?, None),
             (None, false) => (method.disparities(engine, &frames, &search, &watch)?, None),
             (None, true) => {
@@ -192,6 +211,13 @@ impl Match {
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
         mask_unseen(undistortion.as_ref(), &mut disparities, confidences.as_mut());
+        let deviations = confidences.as_ref().zip(geometry.as_ref()).and_then(|(confidences, geometry)| {
+            let deviations = method.deviations(engine, &frames, search.views(), &disparities, confidences)?;
+            let repeatability_mm = source.rig.as_ref().and_then(|rig| rig.capture.repeatability_mm).unwrap_or_default();
+            let of_baseline = deviation::of_baseline(repeatability_mm, search.views().len());
+            Some(geometry.depth_deviations(&disparities, &deviations, of_baseline))
+        });
+        self.limits.apply(&mut disparities, confidences.as_mut(), geometry.as_ref(), deviations.as_ref());
 
         let mut warnings = advice::warnings(&preparation, &disparities, &search);
         if self.shrink.is_none() && shrink > 1 {
@@ -223,13 +249,23 @@ impl Match {
         });
         let report = report.transpose()?;
         output::write_together(|| {
-            let cloud = geometry.as_ref().zip(center.as_ref()).map(|(geometry, center)| {
-                let (disparities, confidences) = (&disparities, confidences.as_ref());
-                Cloud { disparities, confidences, center, geometry, frame, frames: frame_tree }
-            });
-            outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), cloud.as_ref())?;
+            let findings = Findings {
+                disparities: &disparities,
+                confidences: confidences.as_ref(),
+                deviations: deviations.as_ref(),
+                geometry: geometry.as_ref(),
+                cloud: geometry.as_ref().zip(center.as_ref()).map(|(geometry, center)| Cloud {
+                    confidences: confidences.as_ref(),
+                    deviations: deviations.as_ref(),
+                    edges: self.limits.edges(),
+                    frame,
+                    frames: frame_tree,
+                    ..Cloud::new(&disparities, center, geometry)
+                }),
+            };
+            outputs.write(&findings)?;
             #[cfg(feature = "mcap")]
-            outputs.record(&search, cloud.as_ref(), source.exposed())?;
+            outputs.record(&search, &findings, source.exposed())?;
             match (&outputs.report, &report) {
                 (Some(path), Some(report)) => output::write(path, |writer| writer.write_all(report.to_html().as_bytes())),
                 _ => Ok(()),
@@ -238,6 +274,9 @@ impl Match {
         let summary = Summary {
             frame: (outputs.has_center() && geometry.is_some()).then(|| frame.name().into()),
             median_depth_mm: of_depth.and_then(|geometry| geometry.median_depth_mm(&disparities)),
+            within: deviations.as_ref().zip(geometry.as_ref()).and_then(|(deviations, geometry)| {
+                Within::new(&disparities, deviations, geometry.median_depth_mm(&disparities)?)
+            }),
             ..Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings)
         };
         Ok((summary, disparities))
@@ -290,6 +329,9 @@ pub struct Summary {
     /// The frame of the points, if points were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     frame: Option<String>,
+    /// The precision of the depths, if it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    within: Option<Within>,
     /// The median depth, if depths were asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     median_depth_mm: Option<f64>,
@@ -297,6 +339,38 @@ pub struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     milliseconds: Option<f64>,
     warnings: Vec<String>,
+}
+
+/// The share of all pixels whose points are more precise than a length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Within {
+    /// The length in millimetres: a hundredth of the median depth, rounded down to 1, 2 or 5 times a power of ten.
+    mm: f64,
+    /// The share of pixels whose depth has a standard deviation of at most half of that, so that 95 % of them are within it.
+    share: f64,
+    /// The median standard deviation of the depths in millimetres.
+    median_sigma_mm: f64,
+}
+
+impl Within {
+    /// Of a map of this median depth, whose depths have these standard deviations in metres. `None` without any depth.
+    fn new(disparities: &DisparityMap, deviations: &FloatImage, median_depth_mm: f64) -> Option<Within> {
+        let known = disparities.pixels().iter().zip(deviations.pixels()).filter(|(d, sigma)| d.is_some() && sigma.is_finite());
+        let mut sigmas: Vec<f64> = known.map(|(_, metres)| 1000.0 * f64::from(*metres)).collect();
+        sigmas.sort_by(f64::total_cmp);
+        let median_sigma_mm = *sigmas.get(sigmas.len() / 2)?;
+        let hundredth = median_depth_mm / 100.0;
+        let unit = 10f64.powf(hundredth.log10().floor());
+        let mm = [5.0, 2.0].into_iter().map(|factor| factor * unit).find(|mm| *mm <= hundredth).unwrap_or(unit);
+        let share = sigmas.partition_point(|sigma| 2.0 * sigma <= mm) as f64 / deviations.pixels().len() as f64;
+        Some(Within { mm, share, median_sigma_mm })
+    }
+}
+
+impl Display for Within {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{:.0} % within {} mm (95 % sure)", 100.0 * self.share, self.mm)
+    }
 }
 
 impl Summary {
@@ -321,6 +395,7 @@ impl Summary {
             valid: disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64,
             sure: confidences.map(confidence_map::sure_share),
             frame: None,
+            within: None,
             median_depth_mm: None,
             milliseconds: Some(1e3 * seconds),
             warnings,
@@ -367,7 +442,10 @@ impl Display for Summary {
         };
         write!(f, "{width}x{height}, {method}, {views}, {fusion}, {}: {:.1} % valid", self.range(), 100.0 * self.valid)?;
         let sure = self.sure.map(terminal::sure).unwrap_or_default();
-        write!(f, "{sure}")?;
+        match &self.within {
+            Some(within) => write!(f, ", {within}")?,
+            None => write!(f, "{sure}")?,
+        }
         if let Some(depth_mm) = self.median_depth_mm {
             write!(f, ", median depth {depth_mm:.0} mm")?;
         }

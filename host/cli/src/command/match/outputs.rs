@@ -8,7 +8,7 @@ use clap::Args;
 #[cfg(feature = "mcap")]
 use multiscopic::files::ros::{RosRecording, check_rerun};
 use multiscopic::{
-    DisparityMap, Error, Geometry, Picture, Result,
+    DisparityMap, Error, FloatImage, Geometry, Picture, Result,
     files::{
         Cloud,
         ply::{self, Encoding},
@@ -38,6 +38,11 @@ pub struct Outputs {
     #[arg(long, value_name = "OUT.pfm", value_parser = output_file::depths())]
     depth: Option<PathBuf>,
 
+    /// Standard deviation of depth in millimetres, +inf where unknown: the truth is within twice that for 95 % of the points; needs
+    /// the focal length and the baseline; not for mccnn
+    #[arg(long, value_name = "OUT.pfm", conflicts_with = "prior", value_parser = output_file::floats())]
+    pub sigma: Option<PathBuf>,
+
     /// Depth in colour, with the colours of --png; the nearest and the farthest hundredth are clamped
     #[arg(long, value_name = "OUT.png", value_parser = output_file::png())]
     depth_png: Option<PathBuf>,
@@ -55,7 +60,7 @@ pub struct Outputs {
     #[arg(long)]
     pub json: bool,
 
-    /// Coloured point cloud in metres, with confidences if --confidence is given; needs the focal length and the baseline
+    /// Coloured point cloud in metres, with confidences if --confidence is given, with standard deviations if --sigma is; needs the focal length and the baseline
     #[arg(long, value_name = "OUT.ply", value_parser = output_file::ply())]
     pub ply: Option<PathBuf>,
 
@@ -87,6 +92,21 @@ pub struct Outputs {
     ply_ascii: bool,
 }
 
+/// The findings of a match, which the files have.
+#[derive(Clone, Copy, Debug)]
+pub struct Findings<'a> {
+    /// The disparities.
+    pub disparities: &'a DisparityMap,
+    /// Their confidences, if they were computed.
+    pub confidences: Option<&'a ConfidenceMap>,
+    /// The standard deviations of the depths in metres, if they are known.
+    pub deviations: Option<&'a FloatImage>,
+    /// The camera, if it is known.
+    pub geometry: Option<&'a Geometry>,
+    /// The points, if an output has them.
+    pub cloud: Option<Cloud<'a>>,
+}
+
 impl Outputs {
     /// Refuses to match for nothing, for a program that is missing, and two things on standard output.
     pub fn check(&self) -> Result<()> {
@@ -103,9 +123,9 @@ impl Outputs {
     }
 
     pub fn paths(&self) -> Vec<&Path> {
-        let Outputs { maps, confidence, depth, depth_png, ply, report, .. } = self;
+        let Outputs { maps, confidence, depth, sigma, depth_png, ply, report, .. } = self;
         maps.paths()
-            .chain([confidence, depth, depth_png, ply, report].into_iter().flatten().map(PathBuf::as_path))
+            .chain([confidence, depth, sigma, depth_png, ply, report].into_iter().flatten().map(PathBuf::as_path))
             .chain(self.recordings().into_iter().map(|(_, path)| path))
             .collect()
     }
@@ -117,6 +137,7 @@ impl Outputs {
             maps,
             confidence,
             depth,
+            sigma,
             depth_png,
             ply,
             report,
@@ -130,7 +151,7 @@ impl Outputs {
         let recordings = [mcap, rerun];
         #[cfg(not(feature = "mcap"))]
         let recordings: [&mut Option<PathBuf>; 0] = [];
-        let paths = [confidence, depth, depth_png, ply, report].into_iter().chain(recordings).flatten();
+        let paths = [confidence, depth, sigma, depth_png, ply, report].into_iter().chain(recordings).flatten();
         for path in maps.paths_mut().chain(paths) {
             if output_file::is_standard_output(path) || path.file_name() != Some(path.as_os_str()) {
                 return Err(Error::Usage(format!(
@@ -143,13 +164,8 @@ impl Outputs {
         Ok(outputs)
     }
 
-    pub fn write(
-        &self,
-        disparities: &DisparityMap,
-        confidences: Option<&ConfidenceMap>,
-        geometry: Option<&Geometry>,
-        cloud: Option<&Cloud>,
-    ) -> Result<()> {
+    pub fn write(&self, findings: &Findings) -> Result<()> {
+        let Findings { disparities, confidences, deviations, geometry, cloud } = *findings;
         self.maps.write(disparities)?;
         if let (Some(path), Some(confidences)) = (&self.confidence, confidences) {
             Picture::from(confidences).write_png(path)?;
@@ -160,6 +176,9 @@ impl Outputs {
                 false => output_file::write_floats(&geometry.depths(disparities), path, "depth")?,
             }
         }
+        if let (Some(path), Some(deviations)) = (&self.sigma, deviations) {
+            output_file::write_floats(&deviations.map(|metres| 1000.0 * metres), path, "sigma")?;
+        }
         if let (Some(path), Some(geometry)) = (&self.depth_png, geometry) {
             let depth = geometry.depths(disparities);
             self.maps.draw(&depth, &ColorScale::of_depth(self.maps.colormap(), &depth)).write_png(path)?;
@@ -167,15 +186,16 @@ impl Outputs {
         if let (Some(path), Some(cloud)) = (&self.ply, cloud) {
             let encoding = if self.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
             let confidences = confidences.filter(|_| self.confidence.is_some());
-            ply::write(path, &Cloud { confidences, ..*cloud }, encoding)?;
+            let deviations = deviations.filter(|_| self.sigma.is_some());
+            ply::write(path, &Cloud { confidences, deviations, ..cloud }, encoding)?;
         }
         Ok(())
     }
 
     /// Writes the recordings that were asked for, of a centre that was exposed at a time.
     #[cfg(feature = "mcap")]
-    pub fn record(&self, search: &SearchSpace, cloud: Option<&Cloud>, exposed: SystemTime) -> Result<()> {
-        let Some(&cloud) = cloud else { return Ok(()) };
+    pub fn record(&self, search: &SearchSpace, findings: &Findings, exposed: SystemTime) -> Result<()> {
+        let Some(cloud) = findings.cloud else { return Ok(()) };
         let recording = RosRecording { cloud, range: [search.min_disparity(), search.max_disparity()] };
         let time = exposed.duration_since(UNIX_EPOCH).unwrap_or_default();
         self.mcap.iter().try_for_each(|path| recording.write(path, time))?;
@@ -224,7 +244,8 @@ impl Outputs {
 
     /// The option and the file of an output that needs the geometry, if there is one.
     pub fn of_depth(&self) -> Option<String> {
-        let outputs = [("--depth", &self.depth), ("--depth-png", &self.depth_png), ("--ply", &self.ply)];
+        let outputs =
+            [("--depth", &self.depth), ("--sigma", &self.sigma), ("--depth-png", &self.depth_png), ("--ply", &self.ply)];
         let outputs = outputs.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?)));
         outputs.chain(self.recordings()).next().map(|(option, path)| format!("{option} {}", path.display()))
     }

@@ -169,8 +169,11 @@ impl Source {
     ) -> Result<FrameTree> {
         let ideal = undistortion.map_or(Transform::IDENTITY, Undistortion::ideal_in_camera);
         let aligned = alignment.map_or(Transform::IDENTITY, Alignment::rectified_in_center);
-        let of_rig = || Some(self.folder()?.join(self.rig.as_ref()?.hand_eye.as_ref()?));
-        let hand_eye = hand_eye.map(PathBuf::from).or_else(of_rig).map(|path| HandEye::read(&path)).transpose()?;
+        let hand_eye = match (hand_eye, self.rig.as_ref().zip(self.folder())) {
+            (Some(path), _) => Some(HandEye::read(path)?),
+            (None, Some((rig, folder))) => HandEye::of_rig(rig, folder)?,
+            (None, None) => None,
+        };
         Ok(FrameTree {
             rectified_in_camera: ideal * aligned,
             camera_in_tool: hand_eye.map(|hand_eye| hand_eye.camera_in_tool()),

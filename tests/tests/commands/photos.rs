@@ -89,7 +89,7 @@ fn photos_of_a_layout_are_in_the_order_of_a_capture() {
             assert!(run.stderr.contains(&format!("{frame}: {name}\n")), "{frame} is {name}: {run:?}");
         }
         if layout == "cross" {
-            assert_eq!(order, ["center", "top", "left", "bottom", "right"], "as the help says");
+            assert_eq!(order, ["center", "left", "top", "right", "bottom"], "as the help says");
         }
     }
 }

@@ -21,7 +21,7 @@ use crate::command::{limits, options::value::positive};
 ///
 /// Photos are found by their names: center.jpg, left.jpg, 1,-1.jpg and so on, as in `match --view`. With --layout they may have
 /// any names, whose order is the one in which `multiscopic capture --layout` takes them: those of a cross are
-/// centre, top, left, bottom, right.
+/// centre, left, top, right, bottom.
 #[derive(Clone, Debug, Args)]
 pub struct Init {
     /// Folder of the photos

@@ -227,7 +227,7 @@ mod tests {
     fn what_cannot_be_matched_is_refused() {
         for (text, problem) in [
             ("name,x,y\n", "the columns name,x,y, expected name,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg"),
-            ("", "the columns , expected"),
+            ("", "found an empty file"),
             ("name,x_mm,y_mm\na,0\n", "line 2 (a,0) with 2 cells, not 3"),
             ("name,x_mm,y_mm\na,0,nan\n", "line 2 (a,0,nan) with `nan`"),
             ("name,x_mm,y_mm\n", "there are no photos"),

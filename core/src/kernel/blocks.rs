@@ -97,14 +97,14 @@ pub trait Blocks<L: Lane>: Isa {
         }
     }
 
-    /// True if joint sums of so many vectors have a loop that is faster than block sums of each view.
+    /// True if joint sums of so many vectors are faster than block sums of each view.
     fn sums_jointly(_vectors: usize) -> bool {
         false
     }
 
     /// Moves the next column, which holds the joint sums of all views in place of the first view's, down by a line, and slides a
     /// block of joint sums by it. If `leaving` is given, it has the joint sums of the column that leaves. Returns the least sum,
-    /// and a bound of all sums.
+    /// and a bound of all sums. There are as many [as it is for](Blocks::sums_jointly).
     #[inline(always)]
     fn slide_jointly<const V: usize>(
         self,
@@ -112,7 +112,19 @@ pub trait Blocks<L: Lane>: Isa {
         leaving: Option<&[Self::Sums]>,
         sums: &mut [Self::Costs],
     ) -> (L, L) {
-        slide_jointly_loop(self, steps, leaving, sums)
+        let Some(step) = steps.next() else { return (L::MAX, L::MAX) };
+        let leaving = leaving.unwrap_or(step.leaving);
+        for (j, ((column, leaving), sums)) in step.entering.iter_mut().zip(leaving).zip(&mut *sums).enumerate() {
+            let mut moved = self.load_column(column);
+            for view in &step.views {
+                if let (Some(entering), Some(leaving)) = (view.entering.get(j), view.leaving.get(j)) {
+                    moved = self.advance(moved, step.center, Change { entering, leaving });
+                }
+            }
+            moved.store(column);
+            self.load_block(sums).slide(moved, self.load_column(leaving)).store(sums);
+        }
+        (self.least(sums), L::MAX)
     }
 
     /// [`slide`](Blocks::slide) and [`fuse_masked`](Blocks::fuse_masked) in one.
@@ -192,31 +204,9 @@ pub(super) fn slide_loop<L: Lane, I: Blocks<L>, const V: usize>(
     }
 }
 
-/// [`Blocks::slide_jointly`] vector by vector.
-#[inline(always)]
-pub(super) fn slide_jointly_loop<L: Lane, I: Blocks<L>, const V: usize>(
-    isa: I,
-    steps: &mut Steps<'_, I, V>,
-    leaving: Option<&[I::Sums]>,
-    sums: &mut [I::Costs],
-) -> (L, L) {
-    let Some(step) = steps.next() else { return (L::MAX, L::MAX) };
-    let leaving = leaving.unwrap_or(step.leaving);
-    for (j, ((column, leaving), sums)) in step.entering.iter_mut().zip(leaving).zip(&mut *sums).enumerate() {
-        let mut moved = isa.load_column(column);
-        for view in &step.views {
-            if let (Some(entering), Some(leaving)) = (view.entering.get(j), view.leaving.get(j)) {
-                moved = isa.advance(moved, step.center, Change { entering, leaving });
-            }
-        }
-        moved.store(column);
-        isa.load_block(sums).slide(moved, isa.load_column(leaving)).store(sums);
-    }
-    (isa.least(sums), L::MAX)
-}
-
 /// The sums of all views in `column`, view by view, added: vector `j`.
-#[inline(always)]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 pub(crate) fn joint_column<I: Isa, const V: usize>(isa: I, column: &[I::Sums], j: usize) -> Option<I::Column> {
     let vectors = column.len() / const { if V > 0 { V } else { 1 } };
     let mut sum = isa.load_column(column.get(j)?);

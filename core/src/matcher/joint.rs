@@ -6,14 +6,14 @@
 //! pixels a..b of the line see all views; r is the radius of a block, and a pixel's block begins at the column of its number
 //! columns a + 2r..b hold joint sums in place of the first view's; all others hold the sums of each view
 //! at a:      sums = the block sums of all views, added
-//! a..b - 2r: the column that enters holds joint sums, so does from a + 2r + 1 on the one that leaves; before, add those of all views
+//! a..b - 2r: the column that enters holds joint sums; the one that leaves does from a + 2r + 1 on, and is added up before
 //! b - 2r..b: the columns of each view enter a block of each view that begins anew, and added the joint one
 //! b:         that block is full
 //! ```
 //!
-//! Joint sums wrap, where fused costs saturate, but a wrapped sum still tells by how much the sum has grown. So once a sum comes so
-//! close to the largest number that the next one might wrap, sums are followed in 32 bits, until all of them are small again. That is
-//! seldom: all views then differ by half of the range of samples, over a whole block.
+//! Joint sums wrap, where fused costs saturate, but a wrapped sum still tells by how much the sum has grown. So once a sum
+//! comes so close to the largest number that the next one might wrap, sums are followed in 32 bits, until all of them are
+//! small again. That is seldom: all views then differ by half of the range of samples, over a whole block.
 
 use core::{ops::Range, slice};
 
@@ -22,11 +22,11 @@ use crate::{
     BlockMatchingParams, Disparity, Params, Region,
     availability::Availability,
     infallible,
-    kernel::{Block, Blocks, Change, Column, Isa, Lane, Rule, Steps, joint_column},
+    kernel::{Block, Blocks, Change, Column, Isa, Lane, Masks, Rule, Steps, joint_column},
 };
 
-/// The most disparities of a match by joint sums.
-const MAX_DISPARITIES: usize = 64;
+/// Of fewer pixels than so many blocks side by side, both ends take more than joint sums save.
+const LEAST_PIXELS: usize = 8;
 
 /// The part of a line that is matched by joint sums.
 #[derive(Debug, Default)]
@@ -36,16 +36,16 @@ pub(super) struct JointSums {
 }
 
 impl JointSums {
-    /// True if matches with these parameters are faster by joint sums.
+    /// True if matches with these parameters are faster by joint sums. Those of two views are, but by less than the code is
+    /// worth.
     #[inline(always)]
     pub fn suit<L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>, const V: usize>(params: &P) -> bool {
         let params = params.get();
         I::BATCH == 1
-            && matches!(V, 2..=4)
+            && matches!(V, 3..=4)
             && Rule::new(params.fusion(), V) == Rule::Sum
             && params.prior().is_none()
             && params.uniqueness_ratio().is_none()
-            && params.num_disparities() <= MAX_DISPARITIES
             && params.num_disparities().is_multiple_of(I::LANES)
             && I::sums_jointly(params.num_disparities() / I::LANES)
     }
@@ -55,7 +55,7 @@ impl JointSums {
         let (complete, columns) = (availability.complete_columns(v), region.columns());
         let first = |column: usize| column.clamp(columns.start, columns.end.max(columns.start)) - columns.start;
         let pixels = first(complete.start)..first(complete.end);
-        if pixels.len() <= 2 * params.block_size() { 0..0 } else { pixels }
+        if pixels.len() <= LEAST_PIXELS * params.block_size() { 0..0 } else { pixels }
     }
 
     /// The columns under the blocks of the region that hold joint sums.
@@ -76,33 +76,35 @@ pub(super) fn join<L: Lane, I: Blocks<L>, const V: usize>(isa: I, columns: &mut 
 }
 
 /// Joint sums in 32 bits, in the order of the lanes.
-struct WideSums {
-    sums: [u32; MAX_DISPARITIES],
+struct WideSums<'a> {
+    sums: &'a mut [u32],
     /// The most that a sum may be for the next not to wrap in its lane.
     limit: u32,
     /// True if a sum is above it: all of them are then followed.
     are_followed: bool,
 }
 
-impl WideSums {
-    /// Those of the block sums of all views, which are added into `lanes`.
-    fn of_blocks<L: Lane, I: Blocks<L>, const V: usize>(block_size: u32, blocks: &[[I::Costs; V]], lanes: &mut [L]) -> WideSums {
-        let (most_growth, most) = (255 * V as u32 * block_size, L::MAX.widen());
-        let limit = if most_growth * block_size < most { most } else { most - 1 - most_growth };
-        let mut wide = WideSums { sums: [0; MAX_DISPARITIES], limit, are_followed: false };
-        for (vector, views) in blocks.iter().enumerate() {
+impl<'a> WideSums<'a> {
+    /// Sums of as many views: all 0.
+    fn new<L: Lane>(views: usize, block_size: usize, zeros: &'a mut [u32]) -> WideSums<'a> {
+        let (most_growth, most) = (255 * views as u32 * block_size as u32, L::MAX.widen());
+        let limit = if most_growth * (block_size as u32) < most { most } else { most - 1 - most_growth };
+        WideSums { sums: zeros, limit, are_followed: false }
+    }
+
+    /// Adds the block sums of all views, into `lanes` too.
+    #[inline(never)]
+    fn add<L: Lane, I: Blocks<L>, const V: usize>(&mut self, blocks: &[[I::Costs; V]], lanes: &mut [L]) {
+        for (sums, views) in self.sums.chunks_exact_mut(I::LANES).zip(blocks) {
             for view in views {
                 let of_view: &[L] = infallible::cast(slice::from_ref(view));
-                for (sum, cost) in wide.sums.iter_mut().skip(vector * I::LANES).zip(of_view) {
-                    *sum += cost.widen();
-                }
+                sums.iter_mut().zip(of_view).for_each(|(sum, cost)| *sum += cost.widen());
             }
         }
-        for (lane, &sum) in lanes.iter_mut().zip(&wide.sums) {
+        for (lane, &sum) in lanes.iter_mut().zip(&*self.sums) {
             *lane = L::from_index(sum as usize);
+            self.are_followed |= sum > self.limit;
         }
-        wide.are_followed = wide.sums.iter().any(|&sum| sum > limit);
-        wide
     }
 
     /// True if sums are in 32 bits: `lanes` have wrapped, or would soon. `bound` is a bound of those that have not.
@@ -131,7 +133,7 @@ impl WideSums {
     /// The disparity of the least sum.
     #[inline(never)]
     fn disparity<I: Isa>(&self, params: &BlockMatchingParams) -> Option<Disparity> {
-        let sums = self.sums.as_slice();
+        let sums = &*self.sums;
         let sum = |index: usize| sums.get(lane::<I>(index)).copied().unwrap_or(u32::MAX);
         let count = params.num_disparities();
         let index = (0..count).min_by_key(|&index| sum(index))?;
@@ -143,19 +145,27 @@ impl WideSums {
     }
 }
 
-/// Computes the disparities of `pixels`, which see all views, by joint sums, from the sums of the block before them on.
+/// Computes the disparities of `pixels`, which see all views from column `u` on, by joint sums, from the sums of the block
+/// before them on.
 ///
 /// Afterwards `blocks` have the sums of the columns that the block of the next pixel shares with that of the last.
 #[inline(never)]
 pub(super) fn by_joint_sums<L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>, const V: usize>(
     selection: &Selection<'_, L, I, P>,
+    u: usize,
+    masks: &mut Masks<'_, L, I, V>,
     steps: &mut Steps<'_, I, V>,
     blocks: &mut [[I::Costs; V]],
     fused: &mut [I::Costs],
     pixels: &mut [Option<Disparity>],
 ) {
     let (isa, params) = (selection.isa, selection.params.get());
-    let mut wide = WideSums::of_blocks::<L, I, V>(params.block_size() as u32, blocks, infallible::cast_mut(&mut *fused));
+    // With constant parameters their number is a constant here.
+    let Some(fused) = fused.get_mut(..params.num_disparities() / I::LANES) else { return };
+    // These pixels hide nothing, so that all masks are zero, and their memory is free.
+    masks.enter(u);
+    let mut wide = WideSums::new::<L>(V, params.block_size(), infallible::cast_mut(&mut *masks.vectors));
+    wide.add::<L, I, V>(blocks, infallible::cast_mut(&mut *fused));
     let mut disparity = |(least, bound): (L, L), fused: &[I::Costs]| match wide.follow::<L>(bound, infallible::cast(fused)) {
         true => wide.disparity::<I>(params),
         false => selection.disparity_in_lanes(least, fused),
@@ -181,7 +191,7 @@ pub(super) fn by_joint_sums<L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams
     steps.begin_block();
     for pixel in last_pixels {
         isa.slide(steps, blocks);
-        let Some(Change { entering, leaving }) = steps.last_change() else { return };
+        let Some(Change { entering, leaving }) = steps.last_change() else { break };
         for (j, (sums, leaving)) in fused.iter_mut().zip(leaving).enumerate() {
             if let Some(entering) = joint_column::<I, V>(isa, entering, j) {
                 isa.load_block(sums).slide(entering, isa.load_column(leaving)).store(sums);
@@ -189,4 +199,5 @@ pub(super) fn by_joint_sums<L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams
         }
         *pixel = disparity((isa.least(fused), L::MAX), fused);
     }
+    wide.sums.fill(0);
 }

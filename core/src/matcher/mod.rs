@@ -447,6 +447,53 @@ mod tests {
         (u * u * 31 + v * v * 17 + u * v * 7) as u8
     }
 
+    /// Cells of 16 samples a side, of 0 or 255 at random, so that joint sums outgrow 16 bits.
+    struct Cells;
+
+    impl ScanlineSource for Cells {
+        type Error = core::convert::Infallible;
+
+        fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+            let seed = match frame {
+                Frame::Center => 0,
+                Frame::View(view) => 1 + view.rank(),
+            };
+            for (pixel, u) in line.iter_mut().zip(0_u32..) {
+                let cell = (seed << 16 ^ (u / 16) << 8 ^ v as u32 / 16).wrapping_mul(0x9e37_79b9);
+                *pixel = if (cell ^ cell >> 15).wrapping_mul(0x85eb_ca6b) >> 31 == 0 { 0 } else { 255 };
+                *pixel ^= (u * 31 + v as u32 * 17) as u8 & 7;
+            }
+            Ok(())
+        }
+    }
+
+    /// The kernel with batches has sums of each view everywhere.
+    #[test]
+    #[cfg(not(miri))]
+    fn joint_sums_are_those_of_each_view() {
+        use crate::kernel::Portable;
+
+        for (views, block_size) in
+            [(Views::THREE, 9), (Views::CROSS, 9), (Views::CROSS, 11), (Views::THREE, 1), (Views::CROSS, 3)]
+        {
+            let params =
+                SearchConfig { width: 136, height: 44, views, fusion: Fusion::Mean, min_disparity: -2, num_disparities: 16 }
+                    .block_matching(block_size)
+                    .unwrap();
+            let (mut memory, mut other_memory) = ([0; 60_000], [0; 60_000]);
+            let region = Region::whole(params.search());
+            let mut joint = Matcher::with_isa(Portable::<8>, &params, &region, &mut memory).unwrap();
+            let mut apart = Matcher::with_isa(Portable::<8, 8>, &params, &region, &mut other_memory).unwrap();
+            let (mut line, mut expected, mut joint_lines) = ([None; 136], [None; 136], 0);
+            while let Some(v) = joint.next_line(&mut Cells, &mut line).unwrap() {
+                apart.next_line(&mut Cells, &mut expected).unwrap();
+                assert_eq!(line, expected, "{params:?}, line {v}");
+                joint_lines += usize::from(!joint.joint.pixels.is_empty());
+            }
+            assert!(joint_lines > 9 && apart.joint.pixels.is_empty(), "{params:?}");
+        }
+    }
+
     /// Fused by exact costs without the feature `array`, and otherwise in lanes.
     #[test]
     fn the_least_half_of_three_views() {

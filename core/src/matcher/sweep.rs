@@ -264,8 +264,11 @@ impl<L: Lane, I: Blocks<L>, const V: usize, P: Params<BlockMatchingParams>> Swee
         masks.enter_line(start, v);
         let mut masked = masks.masked(selection.rule);
         let mut unit = selection.unit::<V>(masks.availability.incomplete());
-        let apart_first = if joint.pixels.is_empty() { disparities.len() } else { joint.pixels.start };
-        let (mut apart, mut pixels_after) = disparities.split_at_mut_checked(apart_first).unwrap_or_default();
+        let is_joint = JointSums::suit::<L, I, P, V>(params) && !joint.pixels.is_empty();
+        let (mut apart, mut pixels_after) = match is_joint {
+            true => disparities.split_at_mut_checked(joint.pixels.start).unwrap_or_default(),
+            false => (disparities, Default::default()),
+        };
         let mut first = start;
         loop {
             for (pixel, u) in apart.iter_mut().zip(first..) {
@@ -285,11 +288,11 @@ impl<L: Lane, I: Blocks<L>, const V: usize, P: Params<BlockMatchingParams>> Swee
                     *pixel = selection.disparity(least, fused, exact);
                 }
             }
-            if !JointSums::suit::<L, I, P, V>(params) || pixels_after.is_empty() {
+            if !is_joint || pixels_after.is_empty() {
                 return;
             }
             let (pixels, rest) = mem::take(&mut pixels_after).split_at_mut_checked(joint.pixels.len()).unwrap_or_default();
-            by_joint_sums(&selection, &mut steps, blocks, fused, pixels);
+            by_joint_sums(&selection, start + joint.pixels.start, &mut masks, &mut steps, blocks, fused, pixels);
             (apart, first) = (rest, start + joint.pixels.end);
         }
     }

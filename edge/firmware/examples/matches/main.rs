@@ -54,10 +54,10 @@ mod image {
             (-20, 64, 3),
             (1, 24, 21),
             // Pixels that see all views, by joint sums.
-            (0, 16, 7),
-            (-7, 16, 9),
-            (-7, 16, 15),
-            (-16, 32, 3),
+            (-7, 16, 1),
+            (-7, 16, 3),
+            (-4, 16, 3),
+            (-16, 32, 1),
         ];
         let mut count = 0;
         for (size, (min_disparity, num_disparities, block_size)) in sizes.into_iter().enumerate() {

@@ -13,7 +13,7 @@ use super::{
     wide::{self, WideCosts},
 };
 use crate::kernel::{
-    blocks::{Blocks, fuse_loop, fuse_masked_loop, slide_jointly_loop},
+    blocks::{Blocks, fuse_loop, fuse_masked_loop},
     isa::{Block, Isa},
     rule::Rule,
     steps::{RawStep, Steps},
@@ -173,15 +173,11 @@ impl Blocks<u16> for Dsp {
         leaving: Option<&[[u32; 4]]>,
         sums: &mut [[u32; 4]],
     ) -> (u16, u16) {
-        if const { V > 4 } {
-            return slide_jointly_loop(self, steps, leaving, sums);
-        }
-        let vectors = steps.vectors();
-        let fits = vectors == sums.len() && leaving.is_none_or(|leaving| leaving.len() >= vectors);
-        if !fits || !<Dsp as Blocks<u16>>::sums_jointly(vectors) {
-            return slide_jointly_loop(self, steps, leaving, sums);
-        }
-        let Some(mut step) = steps.next_raw() else { return (u16::MAX, u16::MAX) };
+        let vectors = sums.len();
+        let fits = V <= 4 && steps.vectors() == vectors && leaving.is_none_or(|leaving| leaving.len() >= vectors);
+        let Some(mut step) = steps.next_raw().filter(|_| fits && <Dsp as Blocks<u16>>::sums_jointly(vectors)) else {
+            return (u16::MAX, u16::MAX);
+        };
         step.leaving = leaving.map_or(step.leaving, <[_]>::as_ptr);
         // SAFETY: the step has as many vectors as there are sums: two, or a multiple of what is unrolled, not 0. As many leave.
         let (least, greatest) = unsafe {

@@ -48,12 +48,12 @@ macro_rules! bound_word {
     };
 }
 
-/// [`Blocks::slide_jointly`](crate::kernel::Blocks::slide_jointly), `N` vectors unrolled. Returns the least sum in each half of a
-/// word, and the greatest in each half of another.
+/// [`Blocks::slide_jointly`](crate::kernel::Blocks::slide_jointly), `N` vectors unrolled. Returns the least sum in each
+/// half of a word, and the greatest in each half of another.
 ///
 /// # Safety
-/// The step has as many vectors in a view as there are sums: a multiple of `N`, not 0. As many vectors leave. There are at most four
-/// views.
+/// The step has as many vectors in a view as there are sums: a multiple of `N`, not 0. As many vectors leave. There are at
+/// most four views.
 #[inline(always)]
 pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(step: RawStep<'_, Dsp, V>, sums: &mut [Costs]) -> (u32, u32) {
     const { assert!(N <= MOST_UNROLLED) };
@@ -61,12 +61,12 @@ pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(step: RawStep
     let (center_entering, center_leaving) = (splat(center.entering), splat(center.leaving));
     let sums = sums.as_mut_ptr_range();
     let (least, greatest): (u32, u32);
-    // SAFETY: the step has samples of `V` views and sums of the first in as many vectors as there are sums, and as many leave. Every
-    // register that changes is an output or restored from the stack.
+    // SAFETY: the step has samples of `V` views and sums of the first in as many vectors as there are sums, and as many
+    // leave. Every register that changes is an output or restored from the stack.
     unsafe {
         asm_up_to!(2600 bytes,
-            // The code takes all registers. The stack holds the samples of each view that enter and that leave; the least sum, and
-            // the greatest; the end of the sums; and r6 and r7, which are reserved for the compiler.
+            // The code takes all registers. The stack holds the samples of each view that enter and that leave; the least
+            // sum, and the greatest; the end of the sums; and r6 and r7, which are reserved for the compiler.
             "push {{r0, r6, r7}}",
             "sub sp, sp, #{bounds} + 8",
             ".irp k, 0, 1, 2, 3",

@@ -5,7 +5,7 @@ use core::arch::asm;
 
 use super::{Mve, VECTOR, fuse, slide};
 use crate::kernel::{
-    blocks::{Blocks, fuse_loop, fuse_masked_loop, slide_jointly_loop},
+    blocks::{Blocks, fuse_loop, fuse_masked_loop},
     isa::Lane,
     rule::Rule,
     steps::Steps,
@@ -182,7 +182,7 @@ impl Blocks<u16> for Mve {
     }
 
     fn sums_jointly(vectors: usize) -> bool {
-        matches!(vectors, 2 | 4)
+        matches!(vectors, 2 | 4 | 8)
     }
 
     #[inline(always)]
@@ -192,21 +192,22 @@ impl Blocks<u16> for Mve {
         leaving: Option<&[[u16; 8]]>,
         sums: &mut [[u16; 8]],
     ) -> (u16, u16) {
-        if const { V > 4 } {
-            return slide_jointly_loop(self, steps, leaving, sums);
-        }
-        let vectors = steps.vectors();
-        let fits = vectors == sums.len() && leaving.is_none_or(|leaving| leaving.len() >= vectors);
-        if !fits || !<Mve as Blocks<u16>>::sums_jointly(vectors) {
-            return slide_jointly_loop(self, steps, leaving, sums);
-        }
-        let Some(mut step) = steps.next_raw() else { return (u16::MAX, u16::MAX) };
+        let vectors = sums.len();
+        let fits = V <= 4 && steps.vectors() == vectors && leaving.is_none_or(|leaving| leaving.len() >= vectors);
+        let Some(mut step) = steps.next_raw().filter(|_| fits && <Mve as Blocks<u16>>::sums_jointly(vectors)) else {
+            return (u16::MAX, u16::MAX);
+        };
         step.leaving = leaving.map_or(step.leaving, |leaving| leaving.as_ptr().cast());
-        // SAFETY: the step has as many vectors as there are sums, and as many leave.
+        // SAFETY: the step has as many vectors as there are sums, two, four or eight, and as many leave.
         unsafe {
             match vectors {
-                2 => slide::slide_jointly::<V, 2>(step, sums),
-                _ => slide::slide_jointly::<V, 4>(step, sums),
+                2 => slide::slide_jointly::<V, 2, 0>(step, sums),
+                4 => slide::slide_jointly::<V, 4, 0>(step, sums),
+                _ => {
+                    let (first, last) =
+                        (slide::slide_jointly::<V, 4, 0>(step, sums), slide::slide_jointly::<V, 4, 4>(step, sums));
+                    (first.0.min(last.0), first.1.max(last.1))
+                }
             }
         }
     }

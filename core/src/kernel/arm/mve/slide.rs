@@ -222,17 +222,18 @@ pub(super) unsafe fn slide<L: Lane, const V: usize>(step: RawStep<'_, Mve, V>, b
     }
 }
 
-/// [`Blocks::slide_jointly`](crate::kernel::Blocks::slide_jointly), with `N` vectors in a view: at most four. Returns the least sum and
-/// the greatest.
+/// [`Blocks::slide_jointly`](crate::kernel::Blocks::slide_jointly), for `N` vectors from the `FIRST` on: at most four. Returns the
+/// least of their sums and the greatest.
 ///
 /// # Safety
-/// The step has as many vectors in a view as there are sums: `N`. As many vectors leave. There are at most four views.
+/// The step has as many vectors in a view as there are sums, `FIRST + N` or more, of which `FIRST` is at most four. As many vectors
+/// leave. There are at most four views.
 #[inline(always)]
-pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(
+pub(super) unsafe fn slide_jointly<const V: usize, const N: usize, const FIRST: usize>(
     step: RawStep<'_, Mve, V>,
     sums: &mut [[u16; 8]],
 ) -> (u16, u16) {
-    const { assert!(N <= 4) };
+    const { assert!(N <= 4 && FIRST <= 4) };
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
     let (mut least, mut greatest) = (u32::from(u16::MAX), 0_u32);
     // SAFETY: the step has samples of `V` views and sums of the first in that many vectors, and as many leave. Every register that
@@ -247,14 +248,14 @@ pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(
             ".irp j, 0, 1, 2, 3",
             ".irp to, 4, 5, 6, 7",
             ".if (\\j < {vectors}) && (\\to == \\j + 4)",
-            "vldrb.u16 q0, [r2, #(8 * \\j)]",
+            "vldrb.u16 q0, [r2, #(8 * ({first} + \\j))]",
             ".if \\k",
             "vabd.u16 q0, q0, q2",
-            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            "vldrb.u16 q1, [r3, #(8 * ({first} + \\j))]",
             "vadd.i16 q\\to, q\\to, q0",
             ".else",
             "vabd.u16 q\\to, q0, q2",
-            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            "vldrb.u16 q1, [r3, #(8 * ({first} + \\j))]",
             ".endif",
             "vabd.u16 q1, q1, q3",
             "vsub.i16 q\\to, q\\to, q1",
@@ -267,15 +268,15 @@ pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(
             ".irp j, 0, 1, 2, 3",
             ".irp to, 4, 5, 6, 7",
             ".if (\\j < {vectors}) && (\\to == \\j + 4)",
-            "vldrh.u16 q0, [{column}, #(16 * \\j)]",
+            "vldrh.u16 q0, [{column}, #(16 * ({first} + \\j))]",
             "vadd.i16 q\\to, q\\to, q0",
-            "vldrh.u16 q1, [{leaving_column}, #(16 * \\j)]",
+            "vldrh.u16 q1, [{leaving_column}, #(16 * ({first} + \\j))]",
             "vsub.i16 q1, q\\to, q1",
-            "vldrh.u16 q0, [{sums}, #(16 * \\j)]",
+            "vldrh.u16 q0, [{sums}, #(16 * ({first} + \\j))]",
             "vadd.i16 q0, q0, q1",
-            "vstrh.16 q\\to, [{column}, #(16 * \\j)]",
+            "vstrh.16 q\\to, [{column}, #(16 * ({first} + \\j))]",
             "vmax.u16 q3, q3, q0",
-            "vstrh.16 q0, [{sums}, #(16 * \\j)]",
+            "vstrh.16 q0, [{sums}, #(16 * ({first} + \\j))]",
             "vminv.u16 {least}, q0",
             ".endif",
             ".endr",
@@ -295,6 +296,7 @@ pub(super) unsafe fn slide_jointly<const V: usize, const N: usize>(
             out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _, out("q6") _, out("q7") _,
             views = const V,
             vectors = const N,
+            first = const FIRST,
             options(nostack),
         );
     }

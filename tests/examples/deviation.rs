@@ -118,7 +118,7 @@ fn capture(method: MethodName, engine: &Engine, seed: u64, number: u64) -> Vec<S
         let error = (f32::from((*disparity)?) - truth).abs();
         // Misses are spread evenly up to the repeatability.
         let variance = (f64::from(*truth) * relative).powi(2) / 3.0 / views.len() as f64;
-        let stage = if number / 8 % 2 == 0 { variance as f32 } else { 0.0 };
+        let stage = if (number / 8).is_multiple_of(2) { variance as f32 } else { 0.0 };
         let level = DeviationModel::level(confidences.pixels()[at]);
         Some(Sample { error, stage, level, terms: terms.of_pixel(at), views: views.len() })
     };

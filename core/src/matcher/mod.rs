@@ -459,7 +459,7 @@ mod tests {
                 Frame::View(view) => 1 + view.rank(),
             };
             for (pixel, u) in line.iter_mut().zip(0_u32..) {
-                let cell = (seed << 16 ^ (u / 16) << 8 ^ v as u32 / 16).wrapping_mul(0x9e37_79b9);
+                let cell = ((seed << 16) ^ ((u / 16) << 8) ^ (v as u32 / 16)).wrapping_mul(0x9e37_79b9);
                 *pixel = if (cell ^ cell >> 15).wrapping_mul(0x85eb_ca6b) >> 31 == 0 { 0 } else { 255 };
                 *pixel ^= (u * 31 + v as u32 * 17) as u8 & 7;
             }

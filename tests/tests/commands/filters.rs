@@ -215,9 +215,9 @@ fn speckles_are_removed_from_what_is_sure() {
             }
             size += 1;
             let (u, v) = (at % 96, at / 96);
-            let near = [(u > 0, 1), (v > 0, 96)].into_iter().filter_map(|(is_there, step)| is_there.then(|| at - step));
+            let near = [(u > 0, 1), (v > 0, 96)].into_iter().filter(|(is_there, _)| *is_there).map(|(_, step)| at - step);
             let near =
-                near.chain([(u < 95, 1), (v < 71, 96)].into_iter().filter_map(|(is_there, step)| is_there.then(|| at + step)));
+                near.chain([(u < 95, 1), (v < 71, 96)].into_iter().filter(|(is_there, _)| *is_there).map(|(_, step)| at + step));
             open.extend(near.filter(|&next| (clean.pixels()[next] - clean.pixels()[at]).abs() <= 1.0));
         }
         smallest = smallest.min(if size > 0 { size } else { usize::MAX });

@@ -57,9 +57,17 @@ pub struct Publisher {
     server: Option<WebSocketServerHandle>,
 }
 
-/// The newest message of each topic, and its time since 1970 in nanoseconds.
+/// The newest message of each topic.
 #[derive(Default)]
-struct Newest(Mutex<BTreeMap<String, (Arc<RawChannel>, Vec<u8>, u64)>>);
+struct Newest(Mutex<BTreeMap<String, Sent>>);
+
+/// A message that was sent.
+struct Sent {
+    channel: Arc<RawChannel>,
+    cdr: Vec<u8>,
+    /// The time since 1970 in nanoseconds.
+    time: u64,
+}
 
 impl Publisher {
     /// Listens on an address.
@@ -89,11 +97,11 @@ impl Publisher {
         for message in recording.messages(Duration::from_nanos(time))? {
             let mut newest = self.newest.0.lock().unwrap_or_else(PoisonError::into_inner);
             let channel = match newest.get(message.topic) {
-                Some((channel, ..)) => channel.clone(),
+                Some(sent) => sent.channel.clone(),
                 None => self.channel(&message)?,
             };
             channel.log_with_meta(&message.cdr, PartialMetadata::with_log_time(time));
-            newest.insert(message.topic.into(), (channel, message.cdr, time));
+            newest.insert(message.topic.into(), Sent { channel, cdr: message.cdr, time });
         }
         Ok(())
     }
@@ -112,8 +120,8 @@ impl Publisher {
 impl ServerListener for Newest {
     fn on_subscribe(&self, client: Client, channel: ChannelView) {
         let newest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((channel, message, time)) = newest.get(channel.topic()) {
-            channel.log_with_meta_to_sink(message, PartialMetadata::with_log_time(*time), client.sink_id());
+        if let Some(Sent { channel, cdr, time }) = newest.get(channel.topic()) {
+            channel.log_with_meta_to_sink(cdr, PartialMetadata::with_log_time(*time), client.sink_id());
         }
     }
 }

@@ -9,8 +9,8 @@
 //! | `machine` | the virtual machine with cameras, and the tests in it |
 //! | `emulation` | emulated boards: firmware is built for them, run and measured |
 //! | `firmware_checks` | checks of the firmware on the boards |
-//! | `publishing` | everything that is published: crates, archives of the program, and the dependencies of both |
 //! | `workspace_checks` | checks of the whole workspace |
+//! | `publishing` | everything that is published: crates, archives of the program, wheels, and the dependencies of all |
 //! | `suite` | the steps that each suite runs |
 
 mod counts;

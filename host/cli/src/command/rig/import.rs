@@ -10,7 +10,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, View};
 
-use super::CameraOptions;
+use super::camera_options::CameraOptions;
 use crate::command::{options::value::positive, terminal};
 
 /// Writes the rig.toml of photos whose places are known

@@ -14,7 +14,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, View, capture::Plan};
 
-use super::CameraOptions;
+use super::camera_options::CameraOptions;
 use crate::command::{limits, options::value::positive};
 
 /// Writes the rig.toml of a folder of photos

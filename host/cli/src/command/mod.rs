@@ -9,9 +9,11 @@ mod c_header;
 pub mod calibrate;
 mod cameras;
 pub mod capture;
+#[cfg(feature = "live")]
+mod connections;
 pub mod demo;
 pub mod evaluate;
-#[cfg(feature = "mcap")]
+#[cfg(feature = "live")]
 mod foxglove;
 pub mod hardware;
 pub mod listen;

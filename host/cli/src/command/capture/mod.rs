@@ -1,6 +1,6 @@
 //! `multiscopic capture`: a stage moves a camera, and the frames are written to a folder with a `rig.toml`.
 
-#[cfg(feature = "mcap")]
+#[cfg(feature = "live")]
 mod live_recording;
 mod long_baseline;
 mod recorder;
@@ -25,11 +25,11 @@ use multiscopic::{
 };
 use multiscopic_core::{View, Views, capture::Plan};
 
-#[cfg(feature = "mcap")]
+#[cfg(feature = "live")]
 use self::live_recording::LiveRecording;
 use self::long_baseline::{LongBaseline, at_multiple};
 pub use self::recorder::Recorder;
-#[cfg(feature = "mcap")]
+#[cfg(feature = "live")]
 use super::foxglove::FoxgloveOptions;
 use super::{
     hardware::Hardware,
@@ -64,11 +64,11 @@ pub struct Capture {
 
     /// With --live, a recording for ROS 2 and Foxglove, or a pipe: depth, disparities and the other topics of `match --mcap` of
     /// each capture, matched by blocks as soon as it is taken; needs the focal length
-    #[cfg(feature = "mcap")]
+    #[cfg(feature = "live")]
     #[arg(long, value_name = "OUT.mcap", requires = "live", value_parser = output_file::mcap())]
     mcap: Option<PathBuf>,
 
-    #[cfg(feature = "mcap")]
+    #[cfg(feature = "live")]
     #[command(flatten)]
     foxglove: FoxgloveOptions,
 
@@ -81,7 +81,7 @@ impl Capture {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         if !self.live {
-            #[cfg(feature = "mcap")]
+            #[cfg(feature = "live")]
             if self.foxglove.is_given() {
                 return Err(Error::Usage("--foxglove publishes captures as they come: give --live as well".into()));
             }
@@ -111,7 +111,7 @@ impl Capture {
 
     /// Records captures in numbered folders, and what is found of them, if that is asked for.
     fn run_live(&self, recorder: &mut Recorder) -> Result<()> {
-        #[cfg(feature = "mcap")]
+        #[cfg(feature = "live")]
         if self.mcap.is_some() || self.foxglove.is_given() {
             output::check(&self.mcap.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
             let live = LiveRecording::new(recorder, &self.recorder.search, &self.foxglove)?;

@@ -339,19 +339,6 @@ impl Availability {
         incomplete
     }
 
-    /// The columns in which pixels of line `v` see all views at all disparities, if there is no prior.
-    pub fn complete_columns(&self, v: usize) -> Range<usize> {
-        let mut complete = 0..self.width;
-        for Reach { view, complete_columns: columns, .. } in self.reaches() {
-            let rows = view.available_in_rows(v, self.height.into(), self.min_disparity, self.num_disparities.into());
-            if rows != (0..self.num_disparities) {
-                return 0..0;
-            }
-            complete = complete.start.max(columns.start)..complete.end.min(columns.end);
-        }
-        complete.start.into()..complete.end.max(complete.start).into()
-    }
-
     /// The views of the match.
     #[inline(always)]
     fn reaches(&self) -> impl Iterator<Item = &Reach> {

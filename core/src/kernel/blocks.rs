@@ -97,36 +97,6 @@ pub trait Blocks<L: Lane>: Isa {
         }
     }
 
-    /// True if joint sums of so many vectors are faster than block sums of each view.
-    fn sums_jointly(_vectors: usize) -> bool {
-        false
-    }
-
-    /// Moves the next column, which holds the joint sums of all views in place of the first view's, down by a line, and slides a
-    /// block of joint sums by it. If `leaving` is given, it has the joint sums of the column that leaves. Returns the least sum,
-    /// and a bound of all sums. There are as many [as it is for](Blocks::sums_jointly).
-    #[inline(always)]
-    fn slide_jointly<const V: usize>(
-        self,
-        steps: &mut Steps<'_, Self, V>,
-        leaving: Option<&[Self::Sums]>,
-        sums: &mut [Self::Costs],
-    ) -> (L, L) {
-        let Some(step) = steps.next() else { return (L::MAX, L::MAX) };
-        let leaving = leaving.unwrap_or(step.leaving);
-        for (j, ((column, leaving), sums)) in step.entering.iter_mut().zip(leaving).zip(&mut *sums).enumerate() {
-            let mut moved = self.load_column(column);
-            for view in &step.views {
-                if let (Some(entering), Some(leaving)) = (view.entering.get(j), view.leaving.get(j)) {
-                    moved = self.advance(moved, step.center, Change { entering, leaving });
-                }
-            }
-            moved.store(column);
-            self.load_block(sums).slide(moved, self.load_column(leaving)).store(sums);
-        }
-        (self.least(sums), L::MAX)
-    }
-
     /// [`slide`](Blocks::slide) and [`fuse_masked`](Blocks::fuse_masked) in one.
     #[inline(always)]
     fn slide_and_fuse<const V: usize>(
@@ -202,18 +172,6 @@ pub(super) fn slide_loop<L: Lane, I: Blocks<L>, const V: usize>(
             isa.load_block(block).slide(moved, isa.load_column(leaving_sums)).store(block);
         }
     }
-}
-
-/// The sums of all views in `column`, view by view, added: vector `j`.
-#[cfg_attr(target_os = "none", inline(never))]
-#[cfg_attr(not(target_os = "none"), inline(always))]
-pub(crate) fn joint_column<I: Isa, const V: usize>(isa: I, column: &[I::Sums], j: usize) -> Option<I::Column> {
-    let vectors = column.len() / const { if V > 0 { V } else { 1 } };
-    let mut sum = isa.load_column(column.get(j)?);
-    for k in 1..V {
-        sum = sum.add(isa.load_column(column.get(k * vectors + j)?));
-    }
-    Some(sum)
 }
 
 /// Fuses vector by vector, and returns the least fused cost.

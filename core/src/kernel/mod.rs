@@ -45,7 +45,7 @@ pub use arm::Dsp;
 pub use arm::Mve;
 pub(crate) use batch::{Batch, Winners};
 pub use blocks::Blocks;
-pub(crate) use blocks::{Masks, joint_column};
+pub(crate) use blocks::Masks;
 pub use bytes::{
     BackwardRun, ByteVector, Bytes, CandidateRun, Candidates, DistanceFusion, Divisor, ForwardRun, Kernel, LinePath, PixelLoops,
     PixelPaths, RunLoops, RunPenalties, Slot, Step, as_vectors, as_vectors_mut, hamming_run, mean_of_inliers,

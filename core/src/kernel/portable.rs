@@ -179,11 +179,6 @@ macro_rules! blocks {
             }
 
             #[inline(always)]
-            fn sums_jointly(_vectors: usize) -> bool {
-                !LANE_BY_LANE
-            }
-
-            #[inline(always)]
             fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[$lane; N]; V]]) {
                 let words = if IN_PAIRS && steps.are_words() { infallible::cast_mut(&mut *blocks) } else { &mut [] };
                 match size_of::<$lane>() == size_of::<u16>() && !words.is_empty() {

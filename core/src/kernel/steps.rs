@@ -76,8 +76,6 @@ pub struct Steps<'a, I: Isa, const V: usize> {
     vectors: usize,
     /// Columns of a block.
     block_size: usize,
-    /// The first column at which a full block loses a column.
-    full_at: usize,
     /// The column that leaves a block that is not full yet.
     empty_column: *const I::Sums,
     /// A bound of the block sums, for a kernel that keeps one.
@@ -200,7 +198,6 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
             sums: sums.as_mut_ptr(),
             vectors: empty_column.len() / V.max(1),
             block_size,
-            full_at: block_size,
             empty_column: empty_column.as_ptr(),
             #[cfg(multiscopic_dsp)]
             sums_bound: u32::MAX,
@@ -239,33 +236,8 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     fn sums(&self, index: usize) -> (*mut I::Sums, *const I::Sums) {
         let sums = V * self.vectors;
         let entering = self.sums.wrapping_add(index * sums);
-        let leaving = if index < self.full_at { self.empty_column } else { entering.wrapping_sub(self.block_size * sums) };
+        let leaving = if index < self.block_size { self.empty_column } else { entering.wrapping_sub(self.block_size * sums) };
         (entering, leaving)
-    }
-
-    /// Begins a block anew: from the next column on columns enter, and none leaves before it is full.
-    pub(crate) fn begin_block(&mut self) {
-        self.full_at = self.next + self.block_size;
-    }
-
-    /// The sums of the column that leaves a full block at the next step, view by view.
-    pub(crate) fn leaving_column(&self) -> &[I::Sums] {
-        let (_, leaving) = self.sums(self.next);
-        // SAFETY: both have so many sums: the empty column, and a column before the next one. Only `self`, which is borrowed,
-        // leads to them.
-        unsafe { slice::from_raw_parts(leaving, if self.next < self.columns { V * self.vectors } else { 0 }) }
-    }
-
-    /// The sums of the column that entered at the last step, and of the one that a full block lost there.
-    pub(crate) fn last_change(&self) -> Option<Change<&[I::Sums]>> {
-        let entering = self.next.checked_sub(1)?;
-        let leaving = entering.checked_sub(self.block_size)?;
-        // SAFETY: steps were taken at both columns, so there are that many sums of each. Only `self`, which is borrowed, leads to
-        // them.
-        let column = |index: usize| unsafe {
-            slice::from_raw_parts(self.sums.wrapping_add(index * V * self.vectors).cast_const(), V * self.vectors)
-        };
-        Some(Change { entering: column(entering), leaving: column(leaving) })
     }
 
     /// Takes a step, as addresses.
@@ -298,7 +270,7 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     #[inline(always)]
     pub(super) fn stretch(&mut self, columns: usize) -> Option<Stretch<'_, I, V>> {
         let index = self.next;
-        let most = if index < self.full_at { 1 } else { columns };
+        let most = if index < self.block_size { 1 } else { columns };
         let columns = most.min(columns).min(self.columns - index);
         self.next = index + columns;
         let (entering, leaving) = self.sums(index);

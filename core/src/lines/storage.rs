@@ -1,7 +1,5 @@
 //! The samples of a view in memory: by line for the centre and for views in its row of the array, by column for the others.
 
-use core::cell::Cell;
-
 use crate::{kernel::Samples, memory::StackShape};
 
 /// A ring buffer of lines, for matches in the same line.
@@ -219,25 +217,32 @@ pub(crate) fn replicate<'h>(mut stored: impl Iterator<Item = &'h mut u8>, line: 
 /// `slice::copy_within` for as many samples as stay inside. It never panics.
 fn copy_within(samples: &mut [u8], from: usize, to: usize) {
     if cfg!(target_os = "none") {
-        return match bytemuck::try_cast_slice_mut::<u8, u32>(samples) {
-            Ok(words) if (from | to).is_multiple_of(4) => copy_one_by_one(words, from / 4, to / 4),
-            _ => copy_one_by_one(samples, from, to),
-        };
+        return copy_in_pieces(samples, from, to);
     }
     if let Some(end) = samples.len().checked_sub(to).filter(|&end| from <= end) {
         samples.copy_within(from..end, to);
     }
 }
 
-/// [`copy_within`] one by one: where firmware is optimised for its size, the compiler does not see that `slice::copy_within` cannot
-/// panic.
-fn copy_one_by_one<T: Copy>(samples: &mut [T], from: usize, to: usize) {
-    let samples = Cell::from_mut(samples).as_slice_of_cells();
-    let pairs = samples.get(from..).unwrap_or_default().iter().zip(samples.get(to..).unwrap_or_default());
-    // What is not copied yet is not overwritten.
-    match to < from {
-        true => pairs.for_each(|(from, to)| to.set(from.get())),
-        false => pairs.rev().for_each(|(from, to)| to.set(from.get())),
+/// [`copy_within`] piece by piece, none of which overlaps the next: where firmware is optimised for its size, the compiler does not
+/// see that `slice::copy_within` cannot panic.
+fn copy_in_pieces(mut samples: &mut [u8], from: usize, to: usize) {
+    let distance = from.abs_diff(to);
+    if distance == 0 {
+        return;
+    }
+    if to < from {
+        while let Some((to, from)) = samples.split_at_mut_checked(distance) {
+            to.iter_mut().zip(&*from).for_each(|(to, from)| *to = *from);
+            samples = from;
+        }
+        return;
+    }
+    while let Some((from, to)) = samples.len().checked_sub(distance).and_then(|at| samples.split_at_mut_checked(at)) {
+        let moved = from.get(from.len().saturating_sub(distance)..).unwrap_or_default();
+        let to = to.get_mut(distance - moved.len()..).unwrap_or_default();
+        to.iter_mut().zip(moved).for_each(|(to, from)| *to = *from);
+        samples = from;
     }
 }
 
@@ -246,10 +251,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_are_copied_one_by_one_as_at_once() {
+    fn pieces_are_copied_as_a_whole() {
         for (from, to) in (0..9).flat_map(|distance| [(distance, 0), (0, distance)]) {
             let (mut found, mut expected) = ([1, 2, 3, 4, 5, 6, 7], [1, 2, 3, 4, 5, 6, 7]);
-            copy_one_by_one(&mut found, from, to);
+            copy_in_pieces(&mut found, from, to);
             copy_within(&mut expected, from, to);
             assert_eq!(found, expected, "{from} to {to}");
         }

@@ -4,15 +4,13 @@
 //! | --- | --- |
 //! | `exact` | exact fused costs, for the pixels whose lanes do not suffice |
 //! | `selection` | winner-takes-all, and sub-pixel refinement |
-//! | `joint` | joint sums of all views, where a pixel sees all of them |
 //! | `sweep` | the sweep along a line, and its results: matching costs or disparities |
 
 mod exact;
-mod joint;
 mod selection;
 mod sweep;
 
-use core::{marker::PhantomData, ops::Range};
+use core::marker::PhantomData;
 
 use bytemuck::Pod;
 
@@ -25,7 +23,6 @@ use crate::{
     memory::{Lender, Shape},
     params::prior_of,
 };
-use joint::JointSums;
 use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 
 /// A pass over a region of a frame, one disparity line at a time.
@@ -79,7 +76,6 @@ pub struct Matcher<'m, I = Native, P = BlockMatchingParams> {
     sums: Sums<'m>,
     /// The availability that `sums.masks` stand for.
     availability: Availability,
-    joint: JointSums,
     /// A buffer for a line from the source.
     line: &'m mut [u8],
     /// The next disparity line.
@@ -182,7 +178,6 @@ impl<'m, I: Isa, P: Params<BlockMatchingParams>> Matcher<'m, I, P> {
             frames: Frames { center, views, priors },
             sums: Sums { columns, blocks, masks, fused, zeros },
             availability: Availability::new(params.search()),
-            joint: JointSums::default(),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
             next_primed: region.rows().start as i32 - params.radius() as i32,
@@ -359,38 +354,20 @@ impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
         // The lowest line of the blocks enters. At the top of the region all their lines enter beforehand,
         // and the sweep's own step changes nothing: the same line enters and leaves.
         let entering = v as i32 + params.radius() as i32;
-        let block_size = params.block_size();
-        let mut lines = Change { entering, leaving: entering - block_size as i32 };
-        let prime = |frames: &Frames<'_>, line: i32, columns: &mut [I::Sums]| {
-            let steps = sweep::steps::<I, V>(frames, Change { entering: line, leaving: line }, columns, empty_column, block_size);
-            self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
-        };
-        let summed = lines.leaving..entering;
+        let mut lines = Change { entering, leaving: entering - params.block_size() as i32 };
         if v == self.region.rows().start {
             lines.leaving = entering;
             while self.next_primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.next_primed)?;
-                prime(&self.frames, self.next_primed, columns);
+                let line = Change { entering: self.next_primed, leaving: self.next_primed };
+                let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, params.block_size());
+                self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
                 self.next_primed += 1;
             }
         }
         self.frames.read_ahead(source, &self.params, self.line, entering)?;
         if v + 1 == params.height() {
             self.frames.read_rest(source, params, self.line)?;
-        }
-        if JointSums::suit::<L, I, P, V>(&self.params) {
-            let pixels =
-                if out.takes_joint_sums() { JointSums::pixels_of(params, &self.region, &self.availability, v) } else { 0..0 };
-            if pixels != self.joint.pixels {
-                if !self.joint.pixels.is_empty() {
-                    cast_mut::<_, u16>(columns).fill(I::bias((v - self.region.rows().start) as u32));
-                    summed.for_each(|line| prime(&self.frames, line, columns));
-                }
-                self.joint.pixels = pixels;
-                let Range { start, end } = self.joint.columns(params.radius());
-                let joined = columns.get_mut(start * V * vectors..end * V * vectors).unwrap_or_default();
-                joint::join::<L, I, V>(self.isa, joined, vectors);
-            }
         }
         let (blocks, kept) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
         let sweep = Sweep::<L, I, V, P, O> {
@@ -399,13 +376,12 @@ impl<I: Isa, P: Params<BlockMatchingParams>> Matcher<'_, I, P> {
             params: &self.params,
             region: &self.region,
             v,
-            steps: sweep::steps(&self.frames, lines, columns, empty_column, block_size),
+            steps: sweep::steps(&self.frames, lines, columns, empty_column, params.block_size()),
             blocks,
             kept,
             masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
             availability: &mut self.availability,
             fused: cast_mut(self.sums.fused),
-            joint: &self.joint,
             out,
         };
         self.isa.compiled(sweep);
@@ -445,53 +421,6 @@ mod tests {
 
     fn texture(u: i32, v: i32) -> u8 {
         (u * u * 31 + v * v * 17 + u * v * 7) as u8
-    }
-
-    /// Cells of 16 samples a side, of 0 or 255 at random, so that joint sums outgrow 16 bits.
-    struct Cells;
-
-    impl ScanlineSource for Cells {
-        type Error = core::convert::Infallible;
-
-        fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
-            let seed = match frame {
-                Frame::Center => 0,
-                Frame::View(view) => 1 + view.rank(),
-            };
-            for (pixel, u) in line.iter_mut().zip(0_u32..) {
-                let cell = ((seed << 16) ^ ((u / 16) << 8) ^ (v as u32 / 16)).wrapping_mul(0x9e37_79b9);
-                *pixel = if (cell ^ cell >> 15).wrapping_mul(0x85eb_ca6b) >> 31 == 0 { 0 } else { 255 };
-                *pixel ^= (u * 31 + v as u32 * 17) as u8 & 7;
-            }
-            Ok(())
-        }
-    }
-
-    /// The kernel with batches has sums of each view everywhere.
-    #[test]
-    #[cfg(not(miri))]
-    fn joint_sums_are_those_of_each_view() {
-        use crate::kernel::Portable;
-
-        for (views, block_size) in
-            [(Views::THREE, 9), (Views::CROSS, 9), (Views::CROSS, 11), (Views::THREE, 1), (Views::CROSS, 3)]
-        {
-            let params =
-                SearchConfig { width: 136, height: 44, views, fusion: Fusion::Mean, min_disparity: -2, num_disparities: 16 }
-                    .block_matching(block_size)
-                    .unwrap();
-            let (mut memory, mut other_memory) = ([0; 60_000], [0; 60_000]);
-            let region = Region::whole(params.search());
-            let mut joint = Matcher::with_isa(Portable::<8>, &params, &region, &mut memory).unwrap();
-            let mut apart = Matcher::with_isa(Portable::<8, 8>, &params, &region, &mut other_memory).unwrap();
-            let (mut line, mut expected, mut joint_lines) = ([None; 136], [None; 136], 0);
-            while let Some(v) = joint.next_line(&mut Cells, &mut line).unwrap() {
-                apart.next_line(&mut Cells, &mut expected).unwrap();
-                assert_eq!(line, expected, "{params:?}, line {v}");
-                joint_lines += usize::from(!joint.joint.pixels.is_empty());
-            }
-            assert!(joint_lines > 9 && apart.joint.pixels.is_empty(), "{params:?}");
-        }
     }
 
     /// Fused by exact costs without the feature `array`, and otherwise in lanes.

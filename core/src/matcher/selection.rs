@@ -44,8 +44,8 @@ use crate::{
 ///
 /// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
 pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>, P> {
-    pub isa: I,
-    pub params: &'a P,
+    isa: I,
+    params: &'a P,
     pub rule: Rule,
     /// The index of each lane of a vector.
     indices: I::Costs,
@@ -212,10 +212,7 @@ impl<'a, L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'a, L,
     {
         match cost == L::MAX {
             true => exact().disparity(),
-            false => {
-                let index = self.isa.position(fused, cost);
-                self.disparity_at(index, cost, fused, || exact().refined(index))
-            }
+            false => self.disparity_at(self.isa.position(fused, cost), cost, fused, exact),
         }
     }
 
@@ -237,26 +234,24 @@ impl<'a, L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'a, L,
             return exact().disparity_and_peak();
         }
         let index = self.isa.position(fused, least);
-        let disparity = self.disparity_at(index, least, fused, || exact().refined(index));
+        let disparity = self.disparity_at(index, least, fused, &exact);
         let (grade, is_unique) = self.peak_at(index, least, fused, unit, lane::<I>, &exact);
         (disparity.filter(|_| is_unique), grade)
     }
 
-    /// The disparity of a pixel, given its least fused cost, none of which has saturated or belongs to no candidate.
-    #[inline(always)]
-    pub fn disparity_in_lanes(&self, cost: L, fused: &[I::Costs]) -> Option<Disparity> {
-        self.disparity_at(self.isa.position(fused, cost), cost, fused, || None)
-    }
-
-    /// The disparity of the candidate at an index, which has the least fused cost; `exact` where lanes do not suffice.
+    /// The disparity of the candidate at an index, which has the least fused cost.
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn disparity_at(
+    fn disparity_at<'e, const V: usize>(
         &self,
         index: usize,
         cost: L,
         fused: &[I::Costs],
-        exact: impl FnOnce() -> Option<Disparity>,
-    ) -> Option<Disparity> {
+        exact: impl FnOnce() -> Exact<'e, L, I, P, V>,
+    ) -> Option<Disparity>
+    where
+        I: 'e,
+        P: 'e,
+    {
         let before = index.wrapping_sub(1);
         // From the index whose range is checked, so that the compiler knows the sign.
         let d = self.params.get().min_disparity() + 1 + before as i16;
@@ -268,7 +263,7 @@ impl<'a, L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'a, L,
         if before < self.parabola_disparities {
             return match neighbours() {
                 Some((before, after)) => Disparity::refine(d, before, cost.widen(), after),
-                None => exact(),
+                None => exact().refined(index),
             };
         }
         // Either around a prior or at an end of the search.
@@ -277,7 +272,7 @@ impl<'a, L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'a, L,
         }
         match neighbours() {
             Some((before, after)) => Disparity::refine_equiangular(d, before, cost.widen(), after),
-            None => exact(),
+            None => exact().refined(index),
         }
     }
 }
@@ -353,7 +348,7 @@ impl<L: Lane, I: Blocks<L>, P: Params<BlockMatchingParams>> Selection<'_, L, I, 
 
 /// The lane of the disparity at `index` among those of a pixel.
 #[inline(always)]
-pub(super) fn lane<I: Isa>(index: usize) -> usize {
+fn lane<I: Isa>(index: usize) -> usize {
     index / I::LANES * I::LANES + I::lane(index % I::LANES)
 }
 

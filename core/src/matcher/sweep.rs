@@ -2,13 +2,9 @@
 //!
 //! Column sums move down by a line, and blocks slide over them.
 
-use core::{array, marker::PhantomData, mem};
+use core::{array, marker::PhantomData};
 
-use super::{
-    exact::Exact,
-    joint::{JointSums, by_joint_sums},
-    selection::Selection,
-};
+use super::{exact::Exact, selection::Selection};
 use crate::{
     BlockMatchingParams, Disparity, Fusion, Params, Region,
     availability::Availability,
@@ -55,11 +51,6 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Work for Priming<'_, L, I, V> {
 
 /// The result that a sweep computes from each pixel's fused costs.
 pub(super) trait Output<L: Lane, I: Blocks<L>>: Sized {
-    /// True if joint sums of all views suffice, where a pixel sees all of them.
-    fn takes_joint_sums(&self) -> bool {
-        false
-    }
-
     /// Computes the line.
     fn fill<P: Params<BlockMatchingParams>, const V: usize>(sweep: Sweep<'_, L, I, V, P, Self>);
 }
@@ -84,7 +75,6 @@ pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize, P, O> {
     pub availability: &'a mut Availability,
     /// The fused costs of a batch of pixels, between two vectors of padding if there are several.
     pub fused: &'a mut [I::Costs],
-    pub joint: &'a JointSums,
     /// The output.
     pub out: O,
 }
@@ -221,11 +211,6 @@ pub(super) struct DisparityLine<'a> {
 
 impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn takes_joint_sums(&self) -> bool {
-        self.peaks.is_none()
-    }
-
-    #[cfg_attr(not(debug_assertions), inline(always))]
     fn fill<P: Params<BlockMatchingParams>, const V: usize>(sweep: Sweep<'_, L, I, V, P, Self>) {
         if const { !I::FUSES_HALF && V > 2 } && Rule::new(sweep.params.get().fusion(), V) == Rule::Half {
             return sweep.by_exact_costs();
@@ -247,7 +232,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize, P: Params<BlockMatchingParams>> Swee
     /// function without is one of its own.
     #[inline(never)]
     fn by_pixel<const PEAKS: bool>(self, needs_peaks: bool) {
-        let Sweep { isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, joint, out, .. } = self;
+        let Sweep { isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out, .. } = self;
         let (DisparityLine { disparities, peaks }, prior) = (out, prior_of::<P, _>(prior));
         let mut peaks = peaks.unwrap_or_default().iter_mut();
         // That there is a vector saves checks in the loop. With constant parameters their number is a constant here.
@@ -264,36 +249,22 @@ impl<L: Lane, I: Blocks<L>, const V: usize, P: Params<BlockMatchingParams>> Swee
         masks.enter_line(start, v);
         let mut masked = masks.masked(selection.rule);
         let mut unit = selection.unit::<V>(masks.availability.incomplete());
-        let is_joint = JointSums::suit::<L, I, P, V>(params) && !joint.pixels.is_empty();
-        let (mut apart, mut pixels_after) = match is_joint {
-            true => disparities.split_at_mut_checked(joint.pixels.start).unwrap_or_default(),
-            false => (disparities, Default::default()),
-        };
-        let mut first = start;
-        loop {
-            for (pixel, u) in apart.iter_mut().zip(first..) {
-                if masks.enter(u) {
-                    masked = masks.masked(selection.rule);
-                    unit = selection.unit::<V>(masks.availability.incomplete());
-                }
-                let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
-                let exact = || Exact { params, u, v, prior, blocks };
-                if PEAKS && (cfg!(target_os = "none") || needs_peaks) {
-                    let grade;
-                    (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, exact);
-                    if let Some(peak) = peaks.next() {
-                        *peak = grade;
-                    }
-                } else {
-                    *pixel = selection.disparity(least, fused, exact);
-                }
+        for (pixel, u) in disparities.iter_mut().zip(start..) {
+            if masks.enter(u) {
+                masked = masks.masked(selection.rule);
+                unit = selection.unit::<V>(masks.availability.incomplete());
             }
-            if !is_joint || pixels_after.is_empty() {
-                return;
+            let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
+            let exact = || Exact { params, u, v, prior, blocks };
+            if PEAKS && (cfg!(target_os = "none") || needs_peaks) {
+                let grade;
+                (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, exact);
+                if let Some(peak) = peaks.next() {
+                    *peak = grade;
+                }
+            } else {
+                *pixel = selection.disparity(least, fused, exact);
             }
-            let (pixels, rest) = mem::take(&mut pixels_after).split_at_mut_checked(joint.pixels.len()).unwrap_or_default();
-            by_joint_sums(&selection, start + joint.pixels.start, &mut masks, &mut steps, blocks, fused, pixels);
-            (apart, first) = (rest, start + joint.pixels.end);
         }
     }
 

@@ -6,9 +6,9 @@ use multiscopic_core::{Frame, ScanlineSource};
 use super::twin::Xorshift;
 
 /// Pixels in a line.
-pub const WIDTH: u16 = 45;
+pub const WIDTH: u16 = 37;
 /// Lines.
-pub const HEIGHT: u16 = 37;
+pub const HEIGHT: u16 = 29;
 
 /// Frames that are computed, since there is no memory to store them.
 #[derive(Clone, Copy, Debug)]

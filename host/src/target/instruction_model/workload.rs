@@ -35,15 +35,10 @@ impl Workload {
                 };
                 Workload { units, candidates: Vec::new() }
             }
-            // Confidences ask for the costs of each pixel, and joint sums are not kept.
-            Matching::WithConfidences(WholeLines::Blocks(params)) => {
-                Workload::of_blocks(params, params.min_disparity(), passes, processor, "")
-            }
             Matching::WithConfidences(lines) => Workload::new(&lines.alone(), processor)?,
             Matching::Blocks { .. } => {
                 let params = matching.block_matching()?;
-                let blocks = Workload::of_blocks(&params, params.min_disparity(), passes, processor, "");
-                blocks.with_joint_sums(JointCounts::new(&params, matching, processor), &params, processor)
+                Workload::of_blocks(&params, params.min_disparity(), passes, processor, "")
             }
             Matching::SemiGlobal(_) => {
                 let params = matching.block_matching()?;
@@ -130,34 +125,6 @@ impl Workload {
         let middle = (earlier.min_disparity() + earlier.max_disparity()) / 2;
         let first = around.min_disparity() + i16::from(long.views().multiple()) * middle;
         Workload::of_blocks(&around, first, 1, processor, "-around")
-    }
-
-    /// The same, with the sums of all views added for so many of the pixels, whose sums of each view are not needed.
-    fn with_joint_sums(mut self, joint: JointCounts, params: &BlockMatchingParams, processor: Processor) -> Workload {
-        let [apart] = &mut self.candidates[..] else { return self };
-        let (views, depth) = (count(params.views().places()), count(depth(params.search(), processor)));
-        let (pixels, margin) = (count(joint.pixels), count(joint.runs) * 2.0 * count(params.radius()));
-        let columns = count(joint.primed_columns) * count(params.block_size());
-        // The last columns of each run slide blocks of each view.
-        let slid = pixels - margin;
-        let units = &mut self.units;
-        units.column -= slid;
-        units.column_view -= slid * views;
-        units.slid -= slid * views * depth;
-        if is_slide_looped(params, processor) {
-            units.looped -= slid * views * depth;
-        }
-        units.joined = (2.0 * margin + count(joint.runs)) * views * depth;
-        units.primed_column += columns * views;
-        units.primed += columns * views * depth;
-        if joint.pixels > 0 {
-            apart.1.fused -= pixels * depth;
-            apart.1.pixel -= pixels;
-            let candidates = CandidateUnits { fused: pixels * depth, pixel: pixels, ..CandidateUnits::default() };
-            let name = format!("{}-joint", apart.0);
-            self.candidates.push((name, candidates));
-        }
-        self
     }
 
     /// Both, one after the other.
@@ -303,52 +270,6 @@ impl PixelCounts {
     }
 }
 
-/// The pixels that are matched by joint sums of all views.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct JointCounts {
-    pixels: usize,
-    /// Runs of such pixels: one in a line of a tile.
-    runs: usize,
-    /// Columns that are filled again for the lines below them.
-    primed_columns: usize,
-}
-
-impl JointCounts {
-    /// Counts those of a match, tile by tile.
-    fn new(params: &BlockMatchingParams, matching: &Matching, processor: Processor) -> JointCounts {
-        let mut counts = JointCounts::default();
-        let (places, vectors) = (params.views().places(), vectors(params.search(), processor));
-        let has_loop = processor.has_kernel() && matches!(vectors, 2 | 4 | 8);
-        let is_whole = params.num_disparities().is_multiple_of(processor.lanes());
-        if Rule::new(params.fusion(), places) != Rule::Sum
-            || !matches!(places, 3 | 4)
-            || !has_loop
-            || !is_whole
-            || is_wide(params)
-        {
-            return counts;
-        }
-        let all = 0..params.num_disparities() as u16;
-        let is_complete =
-            |u: usize, v: usize| params.views().iter().all(|view| available(params, params.min_disparity(), view, u, v) == all);
-        for tile in matching.tiles() {
-            let mut was_joint = false;
-            for v in 0..params.height() {
-                let pixels = tile.columns().filter(|&u| is_complete(u, v)).count();
-                let is_joint = pixels > 8 * params.block_size();
-                if is_joint {
-                    counts.pixels += pixels;
-                    counts.runs += 1;
-                } else if was_joint {
-                    counts.primed_columns += tile.width() + 2 * params.radius();
-                }
-                was_joint = is_joint;
-            }
-        }
-        counts
-    }
-}
-
 /// The segments of `all` disparities in which the same views are available.
 fn segments(ranges: &[Range<u16>], all: &Range<u16>) -> impl Iterator<Item = (u16, u16)> + use<> {
     let mut cuts: Vec<u16> = ranges.iter().flat_map(|range| [range.start, range.end]).collect();
@@ -437,9 +358,6 @@ units! {
         searched,
         /// The same in 32 bits.
         searched_wide,
-        /// Candidates whose sums of each view are added, for each view: at both ends of a run of pixels that are matched by joint
-        /// sums.
-        joined,
         /// Columns that fill the first blocks of a tile, for each line of the block and each view.
         primed_column,
         /// Candidates in these.
@@ -521,24 +439,6 @@ mod tests {
             assert!(m4.masked > 0.0 && m4.segmented > 0.0 && m55.masked > 0.0 && m55.segmented == 0.0);
             assert!(partial.masked == 0.0 && partial.segmented > 0.0 && portable.masked == 0.0 && portable.segmented > 0.0);
         }
-    }
-
-    #[test]
-    fn a_mean_takes_joint_sums_where_all_views_are_seen() {
-        let joint = |num_disparities, tile_width, processor| {
-            let search =
-                SearchConfig { views: Views::CROSS, fusion: Fusion::Mean, min_disparity: 1, ..SearchConfig::of_size(120, 48) };
-            let params = SearchConfig { num_disparities, ..search }.block_matching(3).unwrap();
-            JointCounts::new(&params, &Matching::Blocks { params, tile_width }, processor)
-        };
-        // Columns 16 to 103 of lines 16 to 31, below which columns are filled again.
-        let whole = JointCounts { pixels: 88 * 16, runs: 16, primed_columns: 120 + 2 };
-        assert_eq!(joint(16, 120, Processor::CortexM4), whole);
-        let tiled = JointCounts { pixels: 88 * 16, runs: 2 * 16, primed_columns: 2 * (60 + 2) };
-        assert_eq!(joint(16, 60, Processor::CortexM55), tiled);
-        let none = JointCounts::default();
-        let others = [(16, 20, Processor::CortexM4), (15, 120, Processor::CortexM4), (16, 120, Processor::Rv32imac)];
-        assert_eq!(others.map(|(disparities, tile, processor)| joint(disparities, tile, processor)), [none; 3]);
     }
 
     #[test]

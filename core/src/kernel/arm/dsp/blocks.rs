@@ -8,7 +8,7 @@ use bytemuck::Pod;
 use super::{
     Dsp, VECTOR,
     fuse::{self, Costs},
-    joint, slide,
+    slide,
     vector::{U16x8, U32x8},
     wide::{self, WideCosts},
 };
@@ -160,33 +160,6 @@ impl Blocks<u16> for Dsp {
     #[inline(always)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 4]; V]]) {
         slide_blocks(steps, blocks);
-    }
-
-    fn sums_jointly(vectors: usize) -> bool {
-        vectors == 2 || vectors > 0 && vectors.is_multiple_of(joint::MOST_UNROLLED)
-    }
-
-    #[inline(always)]
-    fn slide_jointly<const V: usize>(
-        self,
-        steps: &mut Steps<'_, Self, V>,
-        leaving: Option<&[[u32; 4]]>,
-        sums: &mut [[u32; 4]],
-    ) -> (u16, u16) {
-        let vectors = sums.len();
-        let fits = V <= 4 && steps.vectors() == vectors && leaving.is_none_or(|leaving| leaving.len() >= vectors);
-        let Some(mut step) = steps.next_raw().filter(|_| fits && <Dsp as Blocks<u16>>::sums_jointly(vectors)) else {
-            return (u16::MAX, u16::MAX);
-        };
-        step.leaving = leaving.map_or(step.leaving, <[_]>::as_ptr);
-        // SAFETY: the step has as many vectors as there are sums: two, or a multiple of what is unrolled, not 0. As many leave.
-        let (least, greatest) = unsafe {
-            match vectors {
-                2 => joint::slide_jointly::<V, 2>(step, sums),
-                _ => joint::slide_jointly::<V, { joint::MOST_UNROLLED }>(step, sums),
-            }
-        };
-        (lesser_half(least), (greatest as u16).max((greatest >> 16) as u16))
     }
 
     #[inline(always)]

@@ -9,7 +9,6 @@
 //! | `instruction` | single instructions as functions of words |
 //! | `vector` | vectors in words |
 //! | `slide` | column sums move down, and blocks slide |
-//! | `joint` | the same for joint sums of all views |
 //! | `fuse` | fused costs, with the least of all |
 //! | `wide` | the same in 32 bits |
 //! | `blocks` | the inner loops of block matching, put together |
@@ -26,7 +25,6 @@ mod pixel;
 mod blocks;
 mod bytes;
 mod instruction;
-mod joint;
 mod runs;
 mod slide;
 mod vector;

@@ -181,37 +181,6 @@ impl Blocks<u16> for Mve {
         slide_along(steps, blocks);
     }
 
-    fn sums_jointly(vectors: usize) -> bool {
-        matches!(vectors, 2 | 4 | 8)
-    }
-
-    #[inline(always)]
-    fn slide_jointly<const V: usize>(
-        self,
-        steps: &mut Steps<'_, Self, V>,
-        leaving: Option<&[[u16; 8]]>,
-        sums: &mut [[u16; 8]],
-    ) -> (u16, u16) {
-        let vectors = sums.len();
-        let fits = V <= 4 && steps.vectors() == vectors && leaving.is_none_or(|leaving| leaving.len() >= vectors);
-        let Some(mut step) = steps.next_raw().filter(|_| fits && <Mve as Blocks<u16>>::sums_jointly(vectors)) else {
-            return (u16::MAX, u16::MAX);
-        };
-        step.leaving = leaving.map_or(step.leaving, |leaving| leaving.as_ptr().cast());
-        // SAFETY: the step has as many vectors as there are sums, two, four or eight, and as many leave.
-        unsafe {
-            match vectors {
-                2 => slide::slide_jointly::<V, 2, 0>(step, sums),
-                4 => slide::slide_jointly::<V, 4, 0>(step, sums),
-                _ => {
-                    let (first, last) =
-                        (slide::slide_jointly::<V, 4, 0>(step, sums), slide::slide_jointly::<V, 4, 4>(step, sums));
-                    (first.0.min(last.0), first.1.max(last.1))
-                }
-            }
-        }
-    }
-
     #[inline(always)]
     fn slide_and_fuse<const V: usize>(
         self,

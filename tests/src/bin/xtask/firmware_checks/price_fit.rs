@@ -249,13 +249,6 @@ fn runs(board: &EmulatedBoard) -> Result<Vec<Run>> {
         runs.push(shape.in_tiles(variant, shape.block_sizes[0])?);
         runs.push(Matching::SemiGlobal(shape.along_paths(variant, 5)?));
     }
-    // Joint sums, of whole vectors and of many pixels beside the block.
-    for (shape, block_size) in [(1, 7), (3, 5), (1, 5), (3, 3)] {
-        let shape = Shape { tile_width: SHAPES[shape].width.into(), ..SHAPES[shape] };
-        for variant in [(Views::THREE, Fusion::Mean), (Views::CROSS, Fusion::Mean)] {
-            runs.push(shape.in_tiles(variant, block_size)?);
-        }
-    }
     let mean = (Views::HORIZONTAL, Fusion::Mean);
     for shape in &SHAPES[..3] {
         runs.push(Matching::WithConfidences(WholeLines::Blocks(shape.blocks(mean, shape.block_sizes[0])?)));

@@ -81,9 +81,6 @@ class _Options(TypedDict, total=False):
     simd: str | None
     max_memory: int | None
 
-class MatchWarning(UserWarning):
-    """A reason to doubt images, or the disparities that were found in them."""
-
 @final
 class Result:
     """Disparities, how sure they are, and the depths that follow from them."""

@@ -189,8 +189,6 @@ fn what_cannot_be_taken_is_refused() {
     refused("--baseline 5 --accuracy 1", &["0.5@600"]);
     refused("--baseline 5 --accuracy 1@600 --live", &["cannot be used with"]);
     refused("--baseline 60 --baselines 60,120", &["cannot be used with"]);
-    let elsewhere = ["capture", "--camera", "sim", "--stage", "manual", "--baseline", "5", "-o", "rig"];
-    Invocation::new(elsewhere).assert_refused(&["--stage sim", "manual"]);
     assert_eq!(fs::read_dir(folder.path()).expect("the folder").count(), 0);
 }
 

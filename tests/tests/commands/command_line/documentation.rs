@@ -10,11 +10,14 @@ use multiscopic_tests::program;
 use multiscopic_tests::program::Invocation;
 
 /// Commands that are not run: their first words, and the reason.
-const LEFT_OUT: [(&str, &str); 8] = [
+const LEFT_OUT: [(&str, &str); 11] = [
     ("multiscopic tune", "it serves a page until it is closed"),
     ("multiscopic live", "it serves a page until it is closed"),
     ("multiscopic calibrate lens photos", "it needs photographs of a board"),
     ("multiscopic calibrate mount", "it needs the lens that the photographs give"),
+    ("multiscopic calibrate hand-eye", "it needs photographs of a board, and the poses of an arm"),
+    ("multiscopic capture --camera /dev/video0 --stage ur10:192.168.0.10 --lens", "it needs what these give"),
+    ("multiscopic match rig --frame base", "it needs the pose of an arm"),
     ("multiscopic evaluate DIR", "it needs a data set"),
     ("multiscopic weights", "it needs a network"),
     ("cargo ", "the tests are run by it"),

@@ -200,7 +200,9 @@ impl Match {
                  or gc"
             )));
         }
-        let (mut disparities, mut confidences) = match (prior, outputs.has_confidences() || has_deviations) {
+        // They take memory and time, so that whoever asks for disparities alone does without.
+        let wants_deviations = has_deviations && (outputs.of_depth().is_some() || self.limits.max_sigma.is_some());
+        let (mut disparities, mut confidences) = match (prior, outputs.has_confidences() || wants_deviations) {
             (Some(prior), _) => (method.disparities_around(engine, &frames, prior, &watch)?, None),
             (None, false) => (method.disparities(engine, &frames, &search, &watch)?, None),
             (None, true) => {
@@ -211,7 +213,8 @@ impl Match {
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
         mask_unseen(undistortion.as_ref(), &mut disparities, confidences.as_mut());
-        let deviations = confidences.as_ref().zip(geometry.as_ref()).and_then(|(confidences, geometry)| {
+        let deviations = confidences.as_ref().zip(geometry.as_ref()).filter(|_| wants_deviations);
+        let deviations = deviations.and_then(|(confidences, geometry)| {
             let deviations = method.deviations(engine, &frames, search.views(), &disparities, confidences)?;
             let repeatability_mm = source.rig.as_ref().and_then(|rig| rig.capture.repeatability_mm).unwrap_or_default();
             let of_baseline = deviation::of_baseline(repeatability_mm, search.views().len());

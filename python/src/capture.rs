@@ -33,7 +33,7 @@ pub struct Capture {
     undistortion: Option<Undistortion>,
     /// The camera, as far as it is known.
     camera: KnownCamera,
-    /// How far the views may be off, if the rig is calibrated.
+    /// The tolerance of the views, if the rig is calibrated.
     tolerance: Option<Tolerance>,
 }
 

@@ -32,7 +32,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 pub struct Acquisition {
     /// The frames, in the plan's order, in colour if the camera gives it.
     pub images: Vec<(Frame, Picture)>,
-    /// Where each of them was taken, as far as the stage measured it, and when.
+    /// The place and the time of each of them, as far as the stage measured it.
     pub poses: Vec<(Frame, FramePose)>,
     /// The failure after the last frame. The stage may not be back at the centre.
     pub failure: Option<Error>,

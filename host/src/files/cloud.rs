@@ -25,7 +25,7 @@ pub struct Cloud<'a> {
     pub geometry: &'a Geometry,
     /// The frame of the points.
     pub frame: PointFrame,
-    /// Where the frames are.
+    /// The places of the frames.
     pub frames: FrameTree,
 }
 

@@ -1,4 +1,4 @@
-//! What the EXIF of a photo tells of its lens.
+//! The lens of a photo, by its EXIF.
 
 use std::{io::Cursor, path::Path};
 

@@ -33,7 +33,7 @@ impl PointFrame {
     }
 }
 
-/// Where the frames of a capture are in each other, as far as it is known. By default, the camera is all that there is.
+/// The places of the frames of a capture in each other, as far as they are known. By default, the camera is all that there is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameTree {
     /// From the camera of rectified frames, which is turned until it moved along its rows and columns, to the camera in the centre.

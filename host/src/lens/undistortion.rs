@@ -22,7 +22,7 @@ pub struct LensFile {
     pub camera: CameraModel,
     /// The rotation of the camera against its stage.
     pub mount: Mount,
-    /// How the camera stood in each view.
+    /// The turn of the camera in each view.
     pub views: MeasuredViews,
 }
 

@@ -39,7 +39,7 @@ impl DeviationModel {
     }
 }
 
-/// What disparities' variances are made of.
+/// The terms of disparities' variances.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Terms {
     fits: Raster<Fit>,

@@ -81,7 +81,7 @@ struct Summary {
 struct Line {
     image: String,
     corners: usize,
-    /// How far the arm is off its word.
+    /// The distance of the arm from its word.
     off_mm: f64,
     off_deg: f64,
     rms_px: f64,

@@ -159,7 +159,7 @@ impl Source {
         exposed.unwrap_or_else(SystemTime::now)
     }
 
-    /// Where the frames of coordinates are, for images that were made ideal and aligned. The camera's place on the tool of an arm is
+    /// The places of the frames of coordinates, for images that were made ideal and aligned. The camera's place on the tool of an arm is
     /// that of a file, or else of the captured folder.
     pub fn frame_tree(
         &self,

@@ -25,7 +25,7 @@ use crate::command::{
 /// The largest ratio of focal lengths of photos that were taken without zooming between them.
 const SAME_FOCAL: f64 = 1.01;
 
-/// What is known of the camera of photos.
+/// The camera of photos, as far as it is known.
 #[derive(Clone, Debug, Args)]
 pub struct CameraOptions {
     /// Focal length in pixels; depth needs it [default: that of --lens, or what the EXIF of the photos tells]

@@ -11,6 +11,9 @@ from typing_extensions import Unpack
 
 __version__: str
 
+class MatchWarning(UserWarning):
+    """A reason to doubt images, or the disparities that were found in them."""
+
 #: Of height x width, or height x width x 3 (RGB).
 _Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 #: Offsets from the centre in baselines to the right and down.

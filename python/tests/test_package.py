@@ -213,13 +213,16 @@ def test_warnings_are_pythons():
 def test_points_are_those_of_the_cloud(rig, tmp_path):
     result = multiscopic.Rig.load(rig).match(method="bm")
     points = result.points()
-    assert np.array_equal(points[..., 2], result.depth(), equal_nan=True)
-    assert np.array_equal(np.isnan(points[..., 0]), np.isnan(points[..., 2]))
+    assert np.array_equal(result.points(edges="keep")[..., 2], result.depth(), equal_nan=True)
+    is_point = np.isfinite(points[..., 2])
+    assert np.array_equal(points[is_point], result.points(edges="keep")[is_point])
+    assert 0 < is_point.sum() < np.isfinite(result.depth()).sum()
+    assert np.isnan(points[~is_point]).all()
     result.write_ply(tmp_path / "cloud.ply", ascii=True)
     body = (tmp_path / "cloud.ply").read_text().split("end_header\n")[1]
-    assert len(body.splitlines()) == np.isfinite(points[..., 2]).sum()
+    assert len(body.splitlines()) == is_point.sum()
     first = [float(word) for word in body.split()[:3]]
-    assert np.array_equal(np.float32(first), points[np.isfinite(points[..., 2])][0])
+    assert np.array_equal(np.float32(first), points[is_point][0])
 
 
 def test_other_threads_run_while_it_matches():

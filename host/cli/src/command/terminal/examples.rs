@@ -122,6 +122,17 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             ("With a camera, which takes them", "multiscopic calibrate lens --camera /dev/video0 --keep photos"),
         ],
     ),
+    #[cfg(feature = "calibration")]
+    (
+        "calibrate hand-eye",
+        &[
+            (
+                "The camera on an arm's flange: pictures of a board, with the arm's poses",
+                "multiscopic calibrate hand-eye poses.csv --lens camera.toml -o hand_eye.toml",
+            ),
+            ("A folder of pictures with a poses.csv", "multiscopic calibrate hand-eye poses --lens camera.toml"),
+        ],
+    ),
     (
         "calibrate mount",
         &[
@@ -260,10 +271,10 @@ mod tests {
 
     /// Panics unless the program takes a line of the shell.
     fn assert_valid(line: &str) {
-        let is_shells = |word: &&str| word.starts_with(['>', '|', '#', ';']);
-        let words = line.split_whitespace().take_while(|word| !is_shells(word)).filter(|word| *word != "\\");
+        let words = shlex::split(&line.replace("\\\n", " ")).expect("closed quotations").into_iter();
+        let words = words.take_while(|word| !word.starts_with(['>', '|', ';']));
         // The placeholder of a number.
-        let words = words.map(|word| if word == "N" { "24" } else { word });
+        let words = words.map(|word| if word == "N" { "24".into() } else { word });
         if let Err(error) = crate::Cli::command().try_get_matches_from(words) {
             panic!("{line}: {error}");
         }

@@ -209,7 +209,7 @@ fn the_accuracy_asked_for_moves_the_camera_farther() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     let short = "--size 240x180 --baseline 8 --views 2 --num-disparities 16";
-    let report = capture(&path("long"), &format!("{short} --accuracy 4@1000"));
+    let report = capture(&path("long"), &format!("{short} --accuracy 20@1000"));
     report.assert_done();
     let rig = Rig::load(&path("long")).expect("a rig.toml");
     let longest = rig.images.views().iter().map(View::right).max().expect("views");
@@ -220,6 +220,15 @@ fn the_accuracy_asked_for_moves_the_camera_farther() {
     {
         assert!(notes.contains(word) && log.contains(word) && report.stderr.contains(word), "{word}: {notes}\n{log}\n{report:?}");
     }
+
+    // What the stage does not reach is said, and the frames are kept.
+    let report = capture(&path("missed"), &format!("{short} --accuracy 1@1000 --reach 16 --json"));
+    assert_eq!(report.code, Some(1), "{report:?}");
+    assert!(report.stderr.contains("the accuracy of 1 mm at 1000 mm is not reached: depth has"), "{report:?}");
+    let captured: serde_json::Value = serde_json::from_str(&report.stdout).expect("JSON");
+    assert_eq!(captured["is_accurate"], false, "{captured}");
+    let rig = Rig::load(&path("missed")).expect("a rig.toml");
+    assert_eq!(rig.images.views().iter().map(View::right).max(), Some(2));
 
     // An accuracy that the shortest baseline has keeps the camera there.
     capture(&path("short"), &format!("{short} --accuracy 400@1000")).assert_done();

@@ -2,7 +2,7 @@
 
 use multiscopic::{
     DisparityMap, Engine, Frames, Geometry, Method, Result,
-    capture::{Accuracy, Choice, Survey},
+    capture::{Accuracy, Bound, Choice, Survey},
     stereo::BaselineRefinement,
 };
 use multiscopic_core::{SearchSpace, View, Views};
@@ -62,26 +62,47 @@ impl Refinement<'_> {
         }
     }
 
-    /// Refines the disparities by all views of `frames`, and chooses the next. Returns what was reached, in words.
-    pub fn refine(&mut self, frames: &Frames) -> Result<String> {
+    /// The accuracy asked for, and the one that was reached, if that is worse.
+    pub fn miss(&self) -> Option<String> {
+        let (accuracy, distance_mm) = (self.options.accuracy, self.choice.distance_mm);
+        let reached_mm = self.survey.depth_mm(self.survey.reached.1, distance_mm);
+        (reached_mm > accuracy.depth_mm).then(|| {
+            format!(
+                "the accuracy of {accuracy} is not reached: depth has a deviation of {reached_mm:.2} mm at {distance_mm:.0} mm"
+            )
+        })
+    }
+
+    /// Refines the disparities by all views of `frames`, and chooses the next. Returns what was reached, in words, and if the last
+    /// views helped: those that did not are better left out, and end the search.
+    pub fn refine(&mut self, frames: &Frames) -> Result<(String, bool)> {
         // The prior is filtered already.
         let long = BaselineRefinement { median: None, ..BaselineRefinement::DEFAULT };
         let [_, longer @ ..] = &BaselineRefinement::sets(frames.views())[..] else {
-            return Ok("reached: no longer baseline".into());
+            return Ok(("reached: no longer baseline".into(), false));
         };
         let refined = long.refine(&self.options.engine, frames, &self.search, longer, self.prior.clone(), &())?;
         // Where the long views found nothing, the prior stays, whose noise says nothing about them.
         let pixels = refined.pixels().iter().zip(self.prior.pixels()).map(|(found, prior)| found.filter(|_| found != prior));
         let found = DisparityMap::new(refined.width(), refined.height(), pixels.collect());
         let share = found.pixels().iter().flatten().count() as f64 / found.pixels().len() as f64;
-        let Some(noise) = found.noise(long.block_size.into()) else {
-            self.choice.multiple = self.survey.reached.0;
-            return Ok("reached: unknown, as the longer baseline refined hardly any pixel".into());
+        let (multiple, before) = self.survey.reached;
+        let noise = found.noise(long.block_size.into());
+        let mut reached = match noise {
+            Some(noise) => format!("reached: {}, on {:.0} % of the pixels", self.noise(noise), 100.0 * share),
+            None => "reached: unknown, as the longer baseline refined hardly any pixel".into(),
         };
-        self.survey.reached = (self.choice.multiple, noise);
-        let reached = format!("reached: {}, on {:.0} % of the pixels", self.noise(noise), 100.0 * share);
-        self.choice = self.options.choose(&self.survey, &self.search);
-        Ok(reached)
+        let is_better = noise.is_some_and(|noise| noise < before);
+        if !is_better {
+            reached += ", so these views are left out";
+        }
+        if let Some(noise) = noise.filter(|_| is_better) {
+            self.survey.reached = (self.choice.multiple, noise);
+            self.choice = self.options.choose(&self.survey, &self.search);
+        } else {
+            self.choice = Choice { multiple, bound: Some(Bound::Fit), ..self.choice };
+        }
+        Ok((reached, is_better))
     }
 
     /// Describes what the shortest baseline showed.

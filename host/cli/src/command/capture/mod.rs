@@ -28,7 +28,7 @@ use multiscopic_core::{View, Views, capture::Plan};
 #[cfg(feature = "live")]
 use self::live_recording::LiveRecording;
 use self::long_baseline::{LongBaseline, at_multiple};
-pub use self::recorder::Recorder;
+pub use self::recorder::{Recorded, Recorder};
 #[cfg(feature = "live")]
 use super::foxglove::FoxgloveOptions;
 use super::{
@@ -94,19 +94,22 @@ impl Capture {
         let mut recorder = self.recorder.recorder()?;
         if self.live {
             self.run_live(&mut recorder)?;
-        } else {
-            self.record(&mut recorder, &self.output)?;
-            if let Some(page) = &self.report {
-                view::View::of_capture(&self.output, page, &self.recorder.search).run()?;
-            }
+            return Ok(ExitCode::SUCCESS);
         }
-        Ok(ExitCode::SUCCESS)
+        let recorded = self.record(&mut recorder, &self.output)?;
+        if let Some(page) = &self.report {
+            view::View::of_capture(&self.output, page, &self.recorder.search).run()?;
+        }
+        Ok(ExitCode::from(if recorded.is_accurate == Some(false) { 1 } else { 0 }))
     }
 
     /// Takes a capture and reports it.
-    fn record(&self, recorder: &mut Recorder, folder: &Path) -> Result<()> {
+    fn record(&self, recorder: &mut Recorder, folder: &Path) -> Result<Recorded> {
         let recorded = recorder.record(folder, &mut |_, _, _| ())?;
-        if self.json { terminal::print_report(&recorded, true) } else { Ok(()) }
+        if self.json {
+            terminal::print_report(&recorded, true)?;
+        }
+        Ok(recorded)
     }
 
     /// Records captures in numbered folders, and what is found of them, if that is asked for.
@@ -243,7 +246,8 @@ struct LayoutOptions {
     neighbors: NeighborOptions,
 
     /// Depth accuracy in millimetres out to a distance in millimetres, such as 0.5@600: the frames are matched, and if they are
-    /// not accurate enough, views at a longer baseline that gives it are taken as well; needs the focal length
+    /// not accurate enough, views at a longer baseline that gives it are taken as well; needs the focal length. Exits with 1 if
+    /// it is not reached
     #[arg(long, value_name = "MM@DISTANCE", conflicts_with = "baselines")]
     accuracy: Option<Accuracy>,
 }

@@ -64,6 +64,9 @@ pub struct Recorded {
     num_disparities: Option<u16>,
     /// The choice of views at a longer baseline.
     notes: Vec<String>,
+    /// The fate of the accuracy that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub is_accurate: Option<bool>,
 }
 
 impl Display for Recorded {
@@ -90,6 +93,10 @@ impl Recorder {
         let ended = match failure {
             Some(error) => Err(error),
             None => self.extend(&mut frames, &mut poses, &mut log, &mut notes, observe),
+        };
+        let (ended, is_accurate) = match ended {
+            Ok(is_accurate) => (Ok(()), is_accurate),
+            Err(error) => (Err(error), None),
         };
         for note in &notes {
             terminal::complain(note);
@@ -139,6 +146,7 @@ impl Recorder {
             min_disparity,
             num_disparities,
             notes,
+            is_accurate,
         };
         terminal::say(&recorded.to_string());
         advice::range_line(&inspection).into_iter().for_each(|line| terminal::say(&line));
@@ -147,7 +155,8 @@ impl Recorder {
             .inspect_err(|_| terminal::complain(&format!("{} is kept, but the capture ended with an error:", folder.display())))
     }
 
-    /// Takes views at a longer baseline as well, if they are needed. Whatever fails, the frames that are there stay.
+    /// Takes views at a longer baseline as well, if they are needed, and returns if they are as accurate as was asked for.
+    /// Whatever fails, the frames that are there stay.
     fn extend(
         &mut self,
         frames: &mut Frames,
@@ -155,8 +164,8 @@ impl Recorder {
         log: &mut CaptureLog,
         notes: &mut Vec<String>,
         observe: &mut dyn FnMut(&str, usize, usize),
-    ) -> Result<()> {
-        let Some(long_baseline) = &self.long_baseline else { return Ok(()) };
+    ) -> Result<Option<bool>> {
+        let Some(long_baseline) = &self.long_baseline else { return Ok(None) };
         let rig = self.rig(frames, String::new(), None);
         let geometry = rig.geometry(frames.size()).expect("an accuracy comes with the focal length");
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
@@ -166,19 +175,34 @@ impl Recorder {
         };
         let mut refinement = long_baseline.begin(&ideal(frames), geometry)?;
         notes.push(refinement.found());
+        let short = frames.clone();
         loop {
             notes.push(refinement.chosen());
             let views = refinement.next_views();
-            if views.is_empty() || frames.views().len() + views.len() > Views::MAX {
-                return Ok(());
+            let is_full = frames.views().len() + views.len() > Views::MAX;
+            if views.is_empty() || is_full {
+                let miss = refinement.miss();
+                let full = is_full.then(|| format!("no more than {} views can be matched", Views::MAX));
+                notes.extend(full.into_iter().chain(miss.clone()));
+                return Ok(Some(miss.is_none()));
             }
             let plan = Plan::of_views(views, self.baseline_um).shortened(self.hardware.policy.backlash_um);
             let mut taken = acquire(&mut self.hardware, &plan, log, observe)?;
-            let failure = taken.failure.take();
-            poses.append(&mut taken.poses);
-            *frames = taken.added_to(frames.clone());
-            failure.map_or(Ok(()), Err)?;
-            notes.push(refinement.refine(&ideal(frames))?);
+            let added = mem::take(&mut taken.poses);
+            if let Some(error) = taken.failure.take() {
+                poses.extend(added);
+                *frames = taken.added_to(frames.clone());
+                return Err(error);
+            }
+            // Views at baselines in between would only add noise.
+            let extended = taken.added_to(short.clone());
+            let (reached, is_better) = refinement.refine(&ideal(&extended))?;
+            notes.push(reached);
+            if is_better {
+                poses.truncate(1 + short.views().len());
+                poses.extend(added);
+                *frames = extended;
+            }
         }
     }
 

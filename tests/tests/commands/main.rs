@@ -10,6 +10,7 @@ mod interruptions;
 mod lenses;
 mod live_view;
 mod photos;
+mod picking;
 mod scenes;
 mod search;
 mod shards;

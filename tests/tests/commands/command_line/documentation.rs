@@ -35,7 +35,7 @@ const QUICK: [(&str, &str); 3] = [
 ];
 
 /// The lines of the shell in a text, without comments and with continued lines joined.
-fn shell_lines(text: &str) -> Vec<String> {
+pub fn shell_lines(text: &str) -> Vec<String> {
     let mut lines = Vec::new();
     for block in text.split("```sh\n").skip(1) {
         let block = block.split("```").next().unwrap_or_default().replace("\\\n", " ");

@@ -1,7 +1,7 @@
 //! The command line as users meet it: files, messages and exit codes.
 
 mod bench;
-mod documentation;
+pub mod documentation;
 mod exchanges;
 mod hostile_files;
 mod memory_demand;

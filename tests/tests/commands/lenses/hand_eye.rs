@@ -16,7 +16,7 @@ const ON_TOOL: Transform = Transform { translation_mm: [35.0, -60.0, 80.0], rota
 const BOARD: Transform = Transform { translation_mm: [450.0, -120.0, 15.0], rotation_deg: [4.0, 176.0, 3.0] };
 
 /// The board in the camera.
-fn transform(pose: &BoardPose) -> Transform {
+pub fn board_in_camera(pose: &BoardPose) -> Transform {
     let turn = |rotation_deg| Transform { translation_mm: [0.0; 3], rotation_deg };
     let [right, down] = pose.tilt_deg;
     let rotation = turn([right, 0.0, 0.0]) * turn([0.0, down, 0.0]) * turn([0.0, 0.0, pose.roll_deg]);
@@ -42,7 +42,7 @@ fn the_place_of_a_camera_on_a_tool_is_found_from_pictures() {
     let write = |order: &[usize]| {
         let mut csv = String::from("image,x_m,y_m,z_m,qx,qy,qz,qw\n");
         for (k, pose) in order.iter().map(|k| &board_poses[*k]).enumerate() {
-            let tool = BOARD * (ON_TOOL * transform(pose)).inverse();
+            let tool = BOARD * (ON_TOOL * board_in_camera(pose)).inverse();
             let numbers = tool.translation_mm.map(|mm| mm / 1000.0).into_iter().chain(tool.quaternion());
             csv += &format!("{k:02}.png,{}\n", numbers.map(|number| number.to_string()).collect::<Vec<_>>().join(","));
         }

@@ -1,7 +1,7 @@
 //! `--lens` and `lens` in rig.toml: images that a lens distorts, of 8 and of 16 bits, and calibrations.
 
-mod hand_eye;
-mod lens_calibration;
+pub mod hand_eye;
+pub mod lens_calibration;
 
 use std::{fs, path::Path};
 

@@ -262,10 +262,43 @@ def test_notebook(rig, monkeypatch):
     NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
 
 
+def code_of(guide):
+    """The Python blocks of a guide, one after the other."""
+    blocks = (PACKAGE.parent / "docs" / guide).read_text().split("```python\n")[1:]
+    return compile("\n".join(block.split("```")[0] for block in blocks), f"docs/{guide}", "exec")
+
+
 def test_code_of_the_guide(rig, tmp_path, monkeypatch):
-    """The Python blocks of docs/python.md run, one after the other."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig").symlink_to(rig)
-    blocks = (PACKAGE.parent / "docs" / "python.md").read_text().split("```python\n")[1:]
-    code = "\n".join(block.split("```")[0] for block in blocks)
-    exec(compile(code, "docs/python.md", "exec"), {})
+    exec(code_of("python.md"), {})
+
+
+#: An arm whose tool looks down from 700 mm, as a command for --stage exec.
+ARM = """
+import sys
+x = y = 0.0
+for line in sys.stdin:
+    order, *numbers = line.split()
+    if order == "move":
+        x, y = map(float, numbers)
+    place = f" {x} {y} {400 + x} {-200 - y} 700 180 0 0" if order == "where" else ""
+    print("ok" + place, flush=True)
+"""
+
+
+def test_code_that_finds_a_part(program, tmp_path, monkeypatch, capsys):
+    """The camera is 50 mm beside the tool, and sees the scene of the demo."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.py").write_text(ARM)
+    (tmp_path / "hand_eye.toml").write_text("translation_mm = [50.0, 0.0, 0.0]\nrotation_deg = [0.0, 0.0, 0.0]\n")
+    quick = "--settle 0 --size 320x240 --views 4 --baseline 20 --hand-eye hand_eye.toml -o rig".split()
+    program("capture", "--camera", "sim", "--stage", f"exec:{sys.executable} arm.py", *quick)
+    exec(code_of("picking.md"), {})
+    pose = capsys.readouterr().out.split("p[")[1].split("]")[0]
+    x, y, z = [float(number) for number in pose.split(",")[:3]]
+    truth = multiscopic.read_pfm(tmp_path / "rig" / "truth.pfm")
+    nearest = multiscopic.Rig.load(tmp_path / "rig").focal_px * 0.02 / np.quantile(truth, 0.999)
+    # 100 mm above the part.
+    assert abs(z - (0.7 - nearest + 0.1)) < 0.005
+    assert abs(x - 0.45) < nearest * 0.4 and abs(y + 0.2) < nearest * 0.4

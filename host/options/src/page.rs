@@ -172,8 +172,8 @@ mod tests {
     fn what_has_no_effect_is_left_out() {
         let words = |pairs: &[(&str, &str)]| words(&controls(), &settings(pairs)).map(|words| words.join(" "));
         assert_eq!(words(&[("method", "net"), ("block-size", "7"), ("p1", "3")]).unwrap(), "--method net");
-        let with_texture = words(&[("method", "net"), ("block-size", "7"), ("texture-threshold", "100")]).unwrap();
-        assert_eq!(with_texture, "--method net --block-size 7 --texture-threshold 100");
+        let with_texture = words(&[("method", "sgm"), ("block-size", "7"), ("texture-threshold", "100")]).unwrap();
+        assert_eq!(with_texture, "--method sgm --block-size 7 --texture-threshold 100");
         assert_eq!(words(&[("method", "sgm"), ("paths", "5"), ("fill", "x")]).unwrap(), "--method sgm --fill background");
     }
 

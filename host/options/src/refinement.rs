@@ -197,7 +197,7 @@ impl RefinementOptions {
     pub(crate) const ON_PAGE: [Entry; 12] = [
         Entry::slider("uniqueness-ratio", "Uniqueness ratio, %", [0.0, 60.0, 1.0], 10.0, Unset::Off).if_(has_costs),
         Entry::slider("disp12-max-diff", "Left-right check, px", [0.0, 16.0, 1.0], 1.0, Unset::Off).if_(has_costs),
-        Entry::slider("texture-threshold", "Texture threshold", [0.0, 4000.0, 10.0], 200.0, Unset::Off),
+        Entry::slider("texture-threshold", "Texture threshold", [0.0, 4000.0, 10.0], 200.0, Unset::Off).if_(has_costs),
         Entry::slider("median", "Median, px", [3.0, 31.0, 2.0], 5.0, Unset::Off),
         Entry::slider("speckle-window-size", "Speckles up to, pixels", [10.0, 3000.0, 10.0], 200.0, Unset::Off),
         Entry::slider("speckle-range", "Speckle range, px", [0.0, 16.0, 1.0], 1.0, Unset::Default)

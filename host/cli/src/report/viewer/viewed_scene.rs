@@ -144,6 +144,11 @@ impl ViewedScene {
             if let Some(Reduction { rms, avg_err }) = reduction {
                 value["reduction"] = json!({ "rms": rms, "avg_err": avg_err });
             }
+            // What is invalid counts as wrong, so that a filter that leaves out what is wrong looks like a loss.
+            let left = truth.and_then(|truth| Metrics::new(disparities, &known_where_valid(truth, disparities)));
+            if let Some(Metrics { avg_err, bad_1, .. }) = left.filter(|_| metrics.coverage < 1.0) {
+                value["left"] = json!({ "avg_err": avg_err, "bad_1": bad_1 });
+            }
             value
         });
         EncodedMap {
@@ -206,6 +211,13 @@ fn encoded(frames: &Frames, frame: Frame, aim: Aim) -> Option<EncodedFrame> {
         Frame::View(view) => (view_name(view), Some([view.right(), view.down()])),
     };
     Some(EncodedFrame { name, view, gray: compact::gray(frames.get(frame)?, aim) })
+}
+
+/// The true disparities of valid pixels; those of others are unknown.
+fn known_where_valid(truth: &FloatImage, disparities: &DisparityMap) -> FloatImage {
+    let pixels = truth.pixels().iter().zip(disparities.pixels());
+    let known = pixels.map(|(truth, disparity)| if disparity.is_some() { *truth } else { f32::INFINITY });
+    FloatImage::new(truth.width(), truth.height(), known.collect())
 }
 
 fn view_name(view: View) -> String {
@@ -308,6 +320,30 @@ mod tests {
             file: None,
         });
         scene
+    }
+
+    #[test]
+    fn filters_that_leave_out_what_is_wrong_lower_the_errors_of_what_is_left() {
+        // A third of the pixels is invalid; of the others, a half is right, and a half is 2 pixels off.
+        let disparity = |at: usize| [None, Disparity::from_bits(64), Disparity::from_bits(3 * 64)][at % 3];
+        let disparities = DisparityMap::new(40, 30, (0..1200).map(disparity).collect());
+        let truth = FloatImage::new(40, 30, vec![1.0; 1200]);
+        let scene = ViewedScene::new("scene", SIZE).with_truth(Some(&truth));
+        let map = |disparities| ViewedMap {
+            name: "map".into(),
+            disparities,
+            confidences: None,
+            metrics: None,
+            reduction: None,
+            parameters: Vec::new(),
+            costs: None,
+            file: None,
+        };
+        let metrics = scene.encoded(map(&disparities)).metrics.expect("the truth is known");
+        assert_eq!(metrics["left"], json!({ "avg_err": 1.0, "bad_1": 50.0 }));
+        assert!(metrics["bad_1"].as_f64() > Some(60.0), "{metrics}");
+        let whole = DisparityMap::new(40, 30, vec![Disparity::from_bits(64); 1200]);
+        assert_eq!(scene.encoded(map(&whole)).metrics.expect("the truth is known").get("left"), None);
     }
 
     #[test]

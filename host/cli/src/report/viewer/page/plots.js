@@ -96,6 +96,12 @@ export function sceneCharts({ maps, truth }) {
     charts.push(bars("AvgErr in pixels", measured, (m) => m.avg_err, (m) => m.reduction?.avg_err, (v) => v.toFixed(3)));
     charts.push(bars("RMS in pixels", measured, (m) => m.rms, (m) => m.reduction?.rms, (v) => v.toFixed(3)));
     charts.push(bars("Pixels off by more than 1 pixel", measured, (m) => m.bad_1, () => null, (v) => `${v.toFixed(1)} %`));
+    // Filters leave pixels out, which count as wrong above.
+    if (measured.some((map) => map.metrics.left)) {
+      const left = (m) => m.left ?? m;
+      charts.push(bars("AvgErr of the pixels that are left", measured, (m) => left(m).avg_err, () => null, (v) => v.toFixed(3)));
+      charts.push(bars("Off by more than 1 pixel, of those left", measured, (m) => left(m).bad_1, () => null, (v) => `${v.toFixed(1)} %`));
+    }
   }
   const sure = truth ? maps.filter((map) => map.confidences) : [];
   if (sure.length) {

@@ -358,7 +358,7 @@ struct Difference {
     shift: [f64; 2],
 }
 
-/// What the left and the right view differ by.
+/// The difference of the left and the right view.
 const DIFFERENCES: [(&str, [Difference; 2]); 3] = [
     ("rectification", [difference(0.5, 1.01, [0.0; 2]), difference(-0.5, 0.99, [0.0; 2])]),
     ("rectification::across", [difference(0.0, 1.0, [0.0, -2.0]), difference(0.0, 1.0, [0.0, 2.5])]),

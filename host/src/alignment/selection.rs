@@ -48,9 +48,9 @@ const NOTICEABLE_GAIN: f64 = 0.95;
 /// lengths.
 const DISTORTIONS: [f64; 8] = [-0.4, -0.25, -0.15, -0.08, -0.04, 0.04, 0.08, 0.15];
 
-/// How far the views of a calibrated rig may be from where they should be: standard deviations.
+/// The distances of a calibrated rig's views from where they should be: standard deviations.
 ///
-/// What the lens and the mount are is known then, and a stage moves the camera about as it should: alignment estimates what is left
+/// Lens and mount are known then, and a stage moves the camera about as it should: alignment estimates what is left
 /// within these, and nothing else.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {

@@ -32,7 +32,7 @@ pub struct ArmPose {
     pub tool: Transform,
 }
 
-/// What a first line should be.
+/// The expected first line.
 const HEADER: &str = "image,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg";
 /// The names of the columns in each unit, and what a millimetre or a degree is in it.
 const LENGTHS: [([&str; 3], f64); 2] = [(["x_mm", "y_mm", "z_mm"], 1.0), (["x_m", "y_m", "z_m"], 1000.0)];

@@ -52,7 +52,7 @@ pub struct ArmNoise {
 }
 
 impl ArmNoise {
-    /// What arms of Universal Robots are sold with.
+    /// The errors that arms of Universal Robots are sold with.
     pub const USUAL: ArmNoise = ArmNoise { translation_mm: 0.1, rotation_deg: 0.01 };
 }
 
@@ -326,7 +326,7 @@ mod tests {
         (on_tool, views.collect())
     }
 
-    /// How far a calibration is from the truth: in millimetres, and about the tool's axes in degrees.
+    /// The distance of a calibration from the truth: in millimetres, and about the tool's axes in degrees.
     fn errors(found: &HandEye, truth: &Isometry3<f64>) -> [Vector3<f64>; 2] {
         let found = found.camera_in_tool().isometry();
         let turn = (found.rotation * truth.rotation.inverse()).scaled_axis();

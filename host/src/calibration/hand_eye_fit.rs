@@ -66,7 +66,7 @@ struct Block {
     coupling: SMatrix<f64, SHARED, 6>,
     shared_right: SVector<f64, SHARED>,
     own_right: Vector6<f64>,
-    /// How far the tool is from where the arm reported it: a turn in radians and a translation, along the axes of the base.
+    /// The distance of the tool from where the arm reported it: a turn in radians and a translation, along the axes of the base.
     off: Vector6<f64>,
 }
 
@@ -118,7 +118,7 @@ impl HandEyeFit {
         view.corners.iter().map(residual).collect()
     }
 
-    /// How far each tool is from where the arm reported it: a turn in radians and a translation, along the axes of the base.
+    /// The distance of each tool from where the arm reported it: a turn in radians and a translation, along the axes of the base.
     pub fn off(&self, index: usize, view: &View) -> Vector6<f64> {
         let tool = &self.tools[index];
         let turn = (tool.rotation * view.tool.rotation.inverse()).scaled_axis();

@@ -143,7 +143,7 @@ where
     Ok(Acquisition { images, poses, failure })
 }
 
-/// Where a stage at rest is by its own measure, and the time between `begun` and now. `None` if it fails, as the next step will
+/// The place of a stage at rest by its own measure, and the time between `begun` and now. `None` if it fails, as the next step will
 /// tell.
 fn pose<S: PosedStage>(stage: &mut S, asked: Position, begun: SystemTime) -> Option<FramePose> {
     let now = SystemTime::now();

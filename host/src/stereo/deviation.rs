@@ -112,7 +112,7 @@ mod tests {
     use super::*;
     use multiscopic_core::Disparity;
 
-    /// What is less sure is not more precise, and what has more of any term is not either.
+    /// Pixels that are less sure are not more precise, nor are those that have more of any term.
     #[test]
     fn deviations_grow_with_doubt() {
         for model in [BLOCK_MATCHING, SEMI_GLOBAL, GRAPH_CUTS, NETWORK] {

@@ -55,7 +55,7 @@ fn lens() -> CameraModel {
     CameraModel { size: Some(SIZE), focal_px: [940.0; 2], principal_point: [324.0, 235.0], lens }
 }
 
-/// Where the tool really is when its drives are at a pose, as the arm measures: each place has its own error.
+/// The true place of the tool when its drives are at a pose, as the arm measures: each place has its own error.
 fn measured(arm: &SimulatedArm) -> Pose {
     let pose = arm.pose();
     let key = pose.iter().take(3).fold(0, |key: u64, metres| key.wrapping_mul(1_000_003) ^ (metres * 1e5).round() as i64 as u64);

@@ -184,7 +184,7 @@ fn colours_equal_the_definition() {
     assert_eq!((rgb(PixelFormat::Rgb3), rgb(PixelFormat::Bgr3)), ([a, b, c], [c, b, a]));
 }
 
-/// What no colour can hold is lost: else the grey of the colours is the luma, but for rounding.
+/// A colour that cannot hold the luma loses it: else the grey of the colours is the luma, but for rounding.
 #[test]
 fn the_grey_of_colours_is_luma() {
     for (luma, blue, red) in [(128, 128, 128), (100, 90, 160), (200, 150, 110), (16, 128, 128), (235, 120, 130)] {

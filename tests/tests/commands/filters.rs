@@ -200,7 +200,7 @@ fn limits_keep_what_is_within_them() {
     }
 }
 
-/// What the least confidence leaves alone are speckles, too.
+/// Specks that the least confidence leaves alone are speckles, too.
 #[test]
 fn speckles_are_removed_from_what_is_sure() {
     let capture = Capture::new();

@@ -67,7 +67,7 @@ fn photos_of_a_layout_are_in_rows_if_asked_for() {
     assert_eq!(file(&rig, Frame::Center), "c.png");
 }
 
-/// What `capture` says that it takes, one after the other, is what photos in that order become.
+/// Photos in the order in which `capture` says that it takes frames become those frames.
 #[test]
 fn photos_of_a_layout_are_in_the_order_of_a_capture() {
     for (layout, count) in [("cross", 5), ("3x3", 9)] {

@@ -105,12 +105,19 @@ class Result:
     ) -> npt.NDArray[np.float32]:
         """Depths in metres: height x width, NaN where there is none."""
 
+    def sigma(
+        self, focal_px: float | None = None, baseline_mm: float | None = None, doffs: float | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Standard deviations of the depths in metres: height x width, NaN where there is none."""
+
     def points(
         self,
         focal_px: float | None = None,
         baseline_mm: float | None = None,
         doffs: float | None = None,
         principal_point: tuple[float, float] | None = None,
+        frame: Literal["camera", "tool", "base"] = "camera",
+        edges: Literal["drop", "keep"] = "drop",
     ) -> npt.NDArray[np.float32]:
         """Points in metres: height x width x 3, NaN where there is none; x to the right, y down, z away."""
 
@@ -122,8 +129,10 @@ class Result:
         doffs: float | None = None,
         principal_point: tuple[float, float] | None = None,
         ascii: bool = False,
+        frame: Literal["camera", "tool", "base"] = "camera",
+        edges: Literal["drop", "keep"] = "drop",
     ) -> None:
-        """Writes a point cloud in metres, in the colours of the centre and with the confidences if there are some."""
+        """Writes a point cloud in metres, in the colours of the centre, and with confidences and sigmas if there are some."""
 
 @final
 class Rig:

@@ -8,7 +8,10 @@ use multiscopic::{
     images::BitDepth,
     images::{FrameTree, Transform},
     lens::{HandEye, LensFile, Undistortion},
-    stereo::confidence_map::{self, ConfidenceMap},
+    stereo::{
+        confidence_map::{self, ConfidenceMap},
+        deviation,
+    },
 };
 use multiscopic_core::{Frame, View, Views};
 use pyo3::{prelude::*, types::PyDict};
@@ -101,7 +104,7 @@ impl Capture {
 
     /// Matches it without the interpreter's lock.
     pub fn matched(mut self, py: Python<'_>, options: &Options) -> PyResult<MatchResult> {
-        let (map, confidences, center, warnings) = interpreter::run(py, |progress| {
+        let (found, center, warnings) = interpreter::run(py, |progress| {
             let mut frames = self.frames();
             let setup = self.prepare(&mut frames, options)?;
             let search = setup.search;
@@ -116,12 +119,15 @@ impl Capture {
                 }
             };
             let confidences = self.mask_unseen(&mut map, confidences);
+            let deviations = confidences
+                .as_ref()
+                .and_then(|confidences| method.deviations(&engine, &frames, search.views(), &map, confidences));
             let (_, center) = self.ideal(setup.alignment.as_ref()).next().expect("the centre is the first");
             let warnings: Vec<String> = setup.warnings(&map, &search).iter().map(ToString::to_string).collect();
-            Ok((map, confidences, center, warnings))
+            Ok(((map, confidences, deviations), center, warnings))
         })?;
         warnings.iter().try_for_each(|warning| interpreter::warn(py, warning))?;
-        MatchResult::new(py, (map, confidences), center, self.camera, warnings)
+        MatchResult::new(py, found, center, self.camera, warnings)
     }
 
     /// Inspects `frames`, and rectifies them and finds the range of disparities, as far as the options ask for it.
@@ -182,6 +188,8 @@ impl Rig {
             camera_in_tool: HandEye::of_rig(&self.rig, &self.directory)?.map(|hand_eye| hand_eye.camera_in_tool()),
             tool_in_base: self.rig.pose(Frame::Center).and_then(|pose| pose.measured),
         };
+        let repeatability_mm = self.rig.capture.repeatability_mm.unwrap_or_default();
+        camera.baseline_deviation_mm = deviation::of_baseline(repeatability_mm, images.views().len());
         let tolerance = Tolerance::of_rig(&self.rig);
         Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera, tolerance })
     }
@@ -198,6 +206,7 @@ impl Rig {
             baseline_mm: self.rig.baseline_mm,
             principal_point: of_lens.unwrap_or_else(|| self.rig.principal_point(size)),
             doffs: self.rig.doffs,
+            baseline_deviation_mm: 0.0,
             frames: FrameTree::default(),
         })
     }

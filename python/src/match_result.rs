@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use multiscopic::{
-    DisparityMap, Error, Geometry, Metrics, Picture, Raster,
+    DisparityMap, Error, FloatImage, Geometry, Metrics, Picture, Raster,
     evaluation::Sparsification,
     files::{
         Cloud,
@@ -33,6 +33,8 @@ use crate::{
 pub struct MatchResult {
     map: DisparityMap,
     confidences: Option<ConfidenceMap>,
+    /// The standard deviations of the disparities in pixels, if they are known.
+    deviations: Option<FloatImage>,
     /// The centre as it was matched, in 8 bits.
     center: Picture,
     camera: KnownCamera,
@@ -52,14 +54,14 @@ impl MatchResult {
     /// Makes the result of a match of `center` by a camera of which so much is known.
     pub fn new(
         py: Python<'_>,
-        (map, confidences): (DisparityMap, Option<ConfidenceMap>),
+        (map, confidences, deviations): (DisparityMap, Option<ConfidenceMap>, Option<FloatImage>),
         center: Picture,
         camera: KnownCamera,
         warnings: Vec<String>,
     ) -> PyResult<MatchResult> {
         let disparity = arrays::float_map(py, map.to_float())?.unbind();
         let confidence = confidences.clone().map(|confidences| arrays::map(py, confidences)).transpose()?.map(Bound::unbind);
-        Ok(MatchResult { map, confidences, center: center.into_8_bits(), camera, disparity, confidence, warnings })
+        Ok(MatchResult { map, confidences, deviations, center: center.into_8_bits(), camera, disparity, confidence, warnings })
     }
 
     /// Returns the geometry that turns disparities into depth: these numbers, or else what is known of the camera.
@@ -76,7 +78,7 @@ impl MatchResult {
             baseline_mm: baseline_mm.or(self.camera.baseline_mm),
             principal_point: principal_point.unwrap_or(self.camera.principal_point),
             doffs: doffs.unwrap_or(self.camera.doffs),
-            frames: self.camera.frames,
+            ..self.camera
         };
         let Some(geometry) = camera.geometry() else {
             let message =
@@ -98,7 +100,12 @@ impl MatchResult {
         Ok(geometry)
     }
 
-    /// The cloud in a frame, without confidences.
+    /// The standard deviations of the depths in metres, if those of the disparities are known.
+    fn depth_deviations(&self, geometry: &Geometry) -> Option<FloatImage> {
+        Some(geometry.depth_deviations(&self.map, self.deviations.as_ref()?, self.camera.baseline_deviation_mm))
+    }
+
+    /// The cloud in a frame, without confidences and deviations.
     fn cloud<'a>(&'a self, geometry: &'a Geometry, frame: &str, edges: &str) -> PyResult<Cloud<'a>> {
         let unknown = |keyword: &str, found: &str, expected: &str| {
             exception(Error::Usage(format!("{keyword} is {found:.40}, it must be {expected}")))
@@ -149,6 +156,35 @@ impl MatchResult {
         arrays::float_map(py, geometry.depths(&self.map))
     }
 
+    /// Standard deviations of the depths in metres: float32 of height x width, NaN where there is none. The truth is within two
+    /// of them in 95 % of the pixels.
+    ///
+    /// Args:
+    ///     focal_px, baseline_mm, doffs: as depth() takes them.
+    ///
+    /// Raises:
+    ///     ValueError: the focal length or the baseline is unknown, or not above 0; or match() was called with confidence=False,
+    ///         with a prior, or with a method whose deviations are unknown.
+    ///
+    /// >>> import numpy as np, multiscopic
+    /// >>> center = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
+    /// >>> result = multiscopic.match(center, right=np.roll(center, -4, axis=1), method="bm", num_disparities=8)
+    /// >>> sigma = result.sigma(focal_px=500, baseline_mm=40)
+    /// >>> precise = result.depth(focal_px=500, baseline_mm=40)[sigma < 1]
+    #[pyo3(signature = (focal_px=None, baseline_mm=None, doffs=None))]
+    fn sigma<'py>(
+        &self,
+        py: Python<'py>,
+        focal_px: Option<f64>,
+        baseline_mm: Option<f64>,
+        doffs: Option<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let geometry = self.geometry(focal_px, baseline_mm, doffs, None)?;
+        let unknown = "the deviations are unknown: match with confidences, without a prior, and by net, bm, sgm or gc";
+        let deviations = self.depth_deviations(&geometry).ok_or_else(|| exception(Error::Usage(unknown.into())))?;
+        arrays::float_map(py, deviations)
+    }
+
     /// Points in metres: float32 of height x width x 3, NaN where there is none: x to the right, y down, z away from the camera, or
     /// in the frame of an arm.
     ///
@@ -189,7 +225,7 @@ impl MatchResult {
         arrays::in_shape(py, points, [self.map.height(), self.map.width(), 3])
     }
 
-    /// Writes a point cloud in metres as PLY, in the colours of the centre, and with the confidences if there are some. Any
+    /// Writes a point cloud in metres as PLY, in the colours of the centre, and with confidences and sigmas if there are some. Any
     /// previous version of the file is replaced as a whole.
     ///
     /// Args:
@@ -219,7 +255,9 @@ impl MatchResult {
     ) -> PyResult<()> {
         let geometry = self.geometry(focal_px, baseline_mm, doffs, principal_point)?;
         let encoding = if ascii { Encoding::Ascii } else { Encoding::Binary };
-        let cloud = Cloud { confidences: self.confidences.as_ref(), ..self.cloud(&geometry, frame, edges)? };
+        let deviations = self.depth_deviations(&geometry);
+        let (confidences, deviations) = (self.confidences.as_ref(), deviations.as_ref());
+        let cloud = Cloud { confidences, deviations, ..self.cloud(&geometry, frame, edges)? };
         py.detach(|| ply::write(&path, &cloud, encoding)).map_err(exception)
     }
 
@@ -241,6 +279,8 @@ pub struct KnownCamera {
     pub principal_point: [f64; 2],
     /// The negated disparity of a point at infinity, in pixels.
     pub doffs: f64,
+    /// The standard deviation of the baseline in millimetres.
+    pub baseline_deviation_mm: f64,
     /// The frames of coordinates of an arm, as far as they are known.
     pub frames: FrameTree,
 }
@@ -249,7 +289,14 @@ impl KnownCamera {
     /// A camera of which nothing is known, whose images have `width` x `height` pixels.
     pub fn unknown((width, height): (u32, u32)) -> KnownCamera {
         let principal_point = [width, height].map(|side| (f64::from(side) - 1.0) / 2.0);
-        KnownCamera { focal_px: None, baseline_mm: None, principal_point, doffs: 0.0, frames: FrameTree::default() }
+        KnownCamera {
+            focal_px: None,
+            baseline_mm: None,
+            principal_point,
+            doffs: 0.0,
+            baseline_deviation_mm: 0.0,
+            frames: FrameTree::default(),
+        }
     }
 
     /// The geometry, if all of it is known.

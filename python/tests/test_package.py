@@ -127,6 +127,8 @@ def test_refused_arguments():
         result.depth(focal_px=500, baseline_mm=0)
     with pytest.raises(ValueError, match="principal_point is NaN"):
         result.write_ply("never.ply", focal_px=500, baseline_mm=20, principal_point=(np.nan, 0))
+    with pytest.raises(ValueError, match="the deviations are unknown: match with confidences"):
+        multiscopic.match(GRAY, GRAY, method="bm", confidence=False).sigma(focal_px=500, baseline_mm=20)
     with pytest.raises(ValueError, match="no disparity of the truth is known"):
         multiscopic.evaluate(result.disparity, np.full_like(result.disparity, np.nan))
     with pytest.raises(ValueError, match="disparity has the shape"):

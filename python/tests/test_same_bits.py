@@ -220,14 +220,17 @@ def test_rig_with_a_lens(program, tmp_path, small_rig):
     (folder / "rig.toml").write_text('lens = "camera.toml"\nmount_rotation_deg = [0.2, -0.3, 0.1]\n' + text)
     camera = f"focal_px = [{loaded.focal_px}, {loaded.focal_px}]\nprincipal_point = [46.0, 37.0]\n"
     (folder / "camera.toml").write_text(camera + 'model = "plumb_bob"\ncoefficients = [-0.2, 0.05, 0.0, 0.0, 0.0]\n')
-    depth, points, ours = tmp_path / "depth.pfm", tmp_path / "points.ply", tmp_path / "ours.ply"
+    depth, sigma = tmp_path / "depth.pfm", tmp_path / "sigma.pfm"
+    points, ours = tmp_path / "points.ply", tmp_path / "ours.ply"
     for options in [RANGE, RANGE | {"align": True}]:
-        source = [folder, "--depth", depth, "--ply", points]
+        source = [folder, "--depth", depth, "--sigma", sigma, "--ply", points]
         disparity, confidence = matched_by_program(program, tmp_path, source, options)
         result = multiscopic.Rig.load(folder).match(**options)
         assert_same_bits(result.disparity, disparity)
         assert np.array_equal(result.confidence, confidence)
         assert_same_bits(result.depth(), pixels_of_pfm(depth))
+        # The program writes millimetres.
+        assert_same_bits(np.float32(1000) * result.sigma(), pixels_of_pfm(sigma))
         result.write_ply(ours)
         assert ours.read_bytes() == points.read_bytes()
 

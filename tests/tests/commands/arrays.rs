@@ -230,6 +230,11 @@ fn the_accuracy_asked_for_moves_the_camera_farther() {
     let rig = Rig::load(&path("missed")).expect("a rig.toml");
     assert_eq!(rig.images.views().iter().map(View::right).max(), Some(2));
 
+    // An array that has the views of the longer baseline already ends the search.
+    let report = capture(&path("array"), "--size 240x180 --layout 3x5 --baseline 8 --num-disparities 16 --accuracy 30@1000");
+    assert_eq!(report.code, Some(1), "{report:?}");
+    assert_eq!(Rig::load(&path("array")).expect("a rig.toml").images.views().len(), 14);
+
     // An accuracy that the shortest baseline has keeps the camera there.
     capture(&path("short"), &format!("{short} --accuracy 400@1000")).assert_done();
     let rig = Rig::load(&path("short")).expect("a rig.toml");

@@ -11,9 +11,10 @@ use super::{
     text,
 };
 
-/// The camera on the tool, and the board in the base.
+/// The camera on the tool.
 const ON_TOOL: Transform = Transform { translation_mm: [35.0, -60.0, 80.0], rotation_deg: [2.0, -3.0, 88.0] };
-const BOARD: Transform = Transform { translation_mm: [450.0, -120.0, 15.0], rotation_deg: [4.0, 176.0, 3.0] };
+/// The board in the base.
+pub const BOARD: Transform = Transform { translation_mm: [450.0, -120.0, 15.0], rotation_deg: [4.0, 176.0, 3.0] };
 
 /// The board in the camera.
 pub fn board_in_camera(pose: &BoardPose) -> Transform {

@@ -78,9 +78,8 @@ impl Refinement<'_> {
     pub fn refine(&mut self, frames: &Frames) -> Result<(String, bool)> {
         // The prior is filtered already.
         let long = BaselineRefinement { median: None, ..BaselineRefinement::DEFAULT };
-        let [_, longer @ ..] = &BaselineRefinement::sets(frames.views())[..] else {
-            return Ok(("reached: no longer baseline".into(), false));
-        };
+        let sets = BaselineRefinement::sets(frames.views());
+        let longer = sets.get(1..).unwrap_or_default();
         let refined = long.refine(&self.options.engine, frames, &self.search, longer, self.prior.clone(), &())?;
         // Where the long views found nothing, the prior stays, whose noise says nothing about them.
         let pixels = refined.pixels().iter().zip(self.prior.pixels()).map(|(found, prior)| found.filter(|_| found != prior));
@@ -92,17 +91,15 @@ impl Refinement<'_> {
             Some(noise) => format!("reached: {}, on {:.0} % of the pixels", self.noise(noise), 100.0 * share),
             None => "reached: unknown, as the longer baseline refined hardly any pixel".into(),
         };
-        let is_better = noise.is_some_and(|noise| noise < before);
-        if !is_better {
-            reached += ", so these views are left out";
-        }
-        if let Some(noise) = noise.filter(|_| is_better) {
+        let better = noise.filter(|noise| *noise < before);
+        if let Some(noise) = better {
             self.survey.reached = (self.choice.multiple, noise);
             self.choice = self.options.choose(&self.survey, &self.search);
         } else {
+            reached += ", so these views are left out";
             self.choice = Choice { multiple, bound: Some(Bound::Fit), ..self.choice };
         }
-        Ok((reached, is_better))
+        Ok((reached, better.is_some()))
     }
 
     /// Describes what the shortest baseline showed.

@@ -94,10 +94,6 @@ impl Recorder {
             Some(error) => Err(error),
             None => self.extend(&mut frames, &mut poses, &mut log, &mut notes, observe),
         };
-        let (ended, is_accurate) = match ended {
-            Ok(is_accurate) => (Ok(()), is_accurate),
-            Err(error) => (Err(error), None),
-        };
         for note in &notes {
             terminal::complain(note);
             log.note(note);
@@ -146,12 +142,12 @@ impl Recorder {
             min_disparity,
             num_disparities,
             notes,
-            is_accurate,
+            is_accurate: ended.as_ref().ok().copied().flatten(),
         };
         terminal::say(&recorded.to_string());
         advice::range_line(&inspection).into_iter().for_each(|line| terminal::say(&line));
         ended
-            .map(|()| recorded)
+            .map(|_| recorded)
             .inspect_err(|_| terminal::complain(&format!("{} is kept, but the capture ended with an error:", folder.display())))
     }
 

@@ -145,8 +145,9 @@ impl ViewedScene {
                 value["reduction"] = json!({ "rms": rms, "avg_err": avg_err });
             }
             // What is invalid counts as wrong, so that a filter that leaves out what is wrong looks like a loss.
+            let truth = truth.filter(|_| metrics.coverage < 1.0);
             let left = truth.and_then(|truth| Metrics::new(disparities, &known_where_valid(truth, disparities)));
-            if let Some(Metrics { avg_err, bad_1, .. }) = left.filter(|_| metrics.coverage < 1.0) {
+            if let Some(Metrics { avg_err, bad_1, .. }) = left {
                 value["left"] = json!({ "avg_err": avg_err, "bad_1": bad_1 });
             }
             value

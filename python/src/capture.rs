@@ -8,10 +8,7 @@ use multiscopic::{
     images::BitDepth,
     images::{FrameTree, Transform},
     lens::{HandEye, LensFile, Undistortion},
-    stereo::{
-        confidence_map::{self, ConfidenceMap},
-        deviation,
-    },
+    stereo::confidence_map::{self, ConfidenceMap},
 };
 use multiscopic_core::{Frame, View, Views};
 use pyo3::{prelude::*, types::PyDict};
@@ -188,8 +185,7 @@ impl Rig {
             camera_in_tool: HandEye::of_rig(&self.rig, &self.directory)?.map(|hand_eye| hand_eye.camera_in_tool()),
             tool_in_base: self.rig.pose(Frame::Center).and_then(|pose| pose.measured),
         };
-        let repeatability_mm = self.rig.capture.repeatability_mm.unwrap_or_default();
-        camera.baseline_deviation_mm = deviation::of_baseline(repeatability_mm, images.views().len());
+        camera.baseline_deviation_mm = self.rig.baseline_deviation_mm(images.views().len());
         let tolerance = Tolerance::of_rig(&self.rig);
         Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera, tolerance })
     }

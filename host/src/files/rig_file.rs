@@ -174,6 +174,12 @@ impl Rig {
         Some(Geometry { focal_px: focal_px?, baseline_mm: baseline_mm?, principal_point: self.principal_point(size), doffs })
     }
 
+    /// The standard deviation of the baseline, in millimetres, of so many `views`: the stage returns to each position with an error
+    /// that is anywhere up to its repeatability. 0 if that is not known.
+    pub fn baseline_deviation_mm(&self, views: usize) -> f64 {
+        self.capture.repeatability_mm.unwrap_or_default() / (3.0 * views.max(1) as f64).sqrt()
+    }
+
     /// Returns the pixel at which the optical axis meets images of a size.
     pub fn principal_point(&self, size: [usize; 2]) -> [f64; 2] {
         self.principal_point.unwrap_or(size.map(|side| (side as f64 - 1.0) / 2.0))

@@ -80,12 +80,6 @@ impl Terms {
     }
 }
 
-/// The standard deviation of the baseline, in millimetres, of a number of `views` that a stage took: it returns to each position
-/// with an error that is anywhere up to its repeatability, in millimetres.
-pub fn of_baseline(repeatability_mm: f64, views: usize) -> f64 {
-    repeatability_mm / (3.0 * views.max(1) as f64).sqrt()
-}
-
 /// Block matching.
 pub const BLOCK_MATCHING: DeviationModel = DeviationModel {
     weights: [0.11, 0.0163, 0.000015, 0.000015, 0.0605, 17.6],

@@ -11,7 +11,7 @@ use multiscopic::{
         Cloud, output,
         ros::{RosRecording, RosStream},
     },
-    stereo::{MethodName, deviation},
+    stereo::MethodName,
 };
 use multiscopic_core::Frame;
 
@@ -82,8 +82,7 @@ impl<'a> LiveRecording<'a> {
         let (method, frames) = preparation.suited(MethodName::Bm.method(self.search.block_size, views.len())?, frames);
         let (mut disparities, mut confidences) = method.disparities_and_confidences(&self.engine, &frames, &search, &())?;
         mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
-        let repeatability_mm = source.rig.as_ref().and_then(|rig| rig.capture.repeatability_mm).unwrap_or_default();
-        let of_baseline = deviation::of_baseline(repeatability_mm, views.len());
+        let of_baseline = source.rig.as_ref().map_or(0.0, |rig| rig.baseline_deviation_mm(views.len()));
         let deviations = method.deviations(&self.engine, &frames, views, &disparities, &confidences);
         let deviations = deviations.map(|deviations| geometry.depth_deviations(&disparities, &deviations, of_baseline));
         let range = [search.min_disparity(), search.max_disparity()];

@@ -17,7 +17,6 @@ use multiscopic::{
     stereo::{
         BaselineRefinement,
         confidence_map::{self, ConfidenceMap},
-        deviation,
         network::Inputs,
         write_inputs,
     },
@@ -216,8 +215,7 @@ impl Match {
         let deviations = confidences.as_ref().zip(geometry.as_ref()).filter(|_| wants_deviations);
         let deviations = deviations.and_then(|(confidences, geometry)| {
             let deviations = method.deviations(engine, &frames, search.views(), &disparities, confidences)?;
-            let repeatability_mm = source.rig.as_ref().and_then(|rig| rig.capture.repeatability_mm).unwrap_or_default();
-            let of_baseline = deviation::of_baseline(repeatability_mm, search.views().len());
+            let of_baseline = source.rig.as_ref().map_or(0.0, |rig| rig.baseline_deviation_mm(search.views().len()));
             Some(geometry.depth_deviations(&disparities, &deviations, of_baseline))
         });
         self.limits.apply(&mut disparities, confidences.as_mut(), geometry.as_ref(), deviations.as_ref());

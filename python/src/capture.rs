@@ -107,18 +107,18 @@ impl Capture {
             let search = setup.search;
             let (method, frames) = setup.suited(options.method(&frames)?, frames);
             let engine = options.engine()?;
-            let (mut map, confidences) = match (options.prior(), options.has_confidence()) {
-                (Some(prior), _) => (method.disparities_around(&engine, &frames, prior.clone(), progress)?, None),
-                (None, false) => (method.disparities(&engine, &frames, &search, progress)?, None),
+            let (mut map, confidences, baselines) = match (options.prior(), options.has_confidence()) {
+                (Some(prior), _) => (method.disparities_around(&engine, &frames, prior.clone(), progress)?, None, None),
+                (None, false) => (method.disparities(&engine, &frames, &search, progress)?, None, None),
                 (None, true) => {
-                    let (map, confidences) = method.disparities_and_confidences(&engine, &frames, &search, progress)?;
-                    (map, Some(confidences))
+                    let found = method.estimate(&engine, &frames, &search, progress)?;
+                    (found.disparities, Some(found.confidences), Some(found.baselines))
                 }
             };
             let confidences = self.mask_unseen(&mut map, confidences);
-            let deviations = confidences
-                .as_ref()
-                .and_then(|confidences| method.deviations(&engine, &frames, search.views(), &map, confidences));
+            let deviations = confidences.as_ref().zip(baselines).and_then(|(confidences, baselines)| {
+                method.deviations(&engine, &frames, search.views(), &map, confidences, &baselines)
+            });
             let (_, center) = self.ideal(setup.alignment.as_ref()).next().expect("the centre is the first");
             let warnings: Vec<String> = setup.warnings(&map, &search).iter().map(ToString::to_string).collect();
             Ok(((map, confidences, deviations), center, warnings))
@@ -185,7 +185,7 @@ impl Rig {
             camera_in_tool: HandEye::of_rig(&self.rig, &self.directory)?.map(|hand_eye| hand_eye.camera_in_tool()),
             tool_in_base: self.rig.pose(Frame::Center).and_then(|pose| pose.measured),
         };
-        camera.baseline_deviation_mm = self.rig.baseline_deviation_mm(images.views().len());
+        camera.baseline_deviation_mm = self.rig.baseline_deviation_mm(images.views());
         let tolerance = Tolerance::of_rig(&self.rig);
         Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera, tolerance })
     }

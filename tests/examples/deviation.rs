@@ -1,7 +1,7 @@
 //! Fits the models of standard deviations on made-up scenes: `cargo run --release -p multiscopic-tests --example deviation`.
 //!
-//! Each method matches random scenes of two sizes, in turn with one neighbour, two, four and eight, in the range that the images
-//! show; captures of which more than 35 % are wrong are left out, as for the tables of confidences. The weights of a model are
+//! Each method matches random scenes of two sizes, in turn with one neighbour, two, four and eight, and with three and four at two
+//! baselines, in the range that the images show; captures of which more than 35 % are wrong are left out, as for the tables of confidences. The weights of a model are
 //! those of the least quantile loss of the logarithm of the error, at 95 %, found by trying each larger and smaller; the factors
 //! are then the quantiles themselves, and do not rise with the confidence. What is known of the stage, its repeatability, is
 //! taken out of the errors first: every other scene tells it. Photographs are not used.
@@ -19,7 +19,7 @@ use multiscopic::{
     Engine, MatchSetup, RangeSource,
     scene::RandomScene,
     stereo::{
-        MethodName,
+        BaselineRefinement, Estimate, MethodName,
         deviation::{DeviationModel, Terms, terms},
     },
 };
@@ -43,7 +43,23 @@ struct Sample {
     stage: f32,
     level: usize,
     terms: [f32; Terms::COUNT],
-    views: usize,
+    /// The baseline that measured it, in multiples of the shortest.
+    baseline: f32,
+    views: Views,
+}
+
+/// One neighbour, two, four and eight, then two baselines.
+fn layouts() -> [Views; 6] {
+    let at = |multiple: u8| Views::HORIZONTAL.iter().filter_map(move |view| view.times(multiple));
+    let two = Views::HORIZONTAL.iter().chain(at(3)).collect();
+    [
+        Views::NONE.with(View::RIGHT),
+        Views::HORIZONTAL,
+        Views::CROSS,
+        Views::ARRAY,
+        two,
+        [View::RIGHT].into_iter().chain(at(4)).collect(),
+    ]
 }
 
 fn main() {
@@ -58,20 +74,25 @@ fn main() {
             100.0 * is_within.iter().filter(|within| **within).count() as f64 / is_within.len().max(1) as f64
         };
         print!("on other scenes within two deviations: {:.1} %", coverage(&mut others.iter()));
-        for views in [1, 2, 4, 8] {
-            print!(", {views} views {:.1} %", coverage(&mut others.iter().filter(|sample| sample.views == views)));
+        for views in layouts() {
+            let of_views = &mut others.iter().filter(|sample| sample.views == views);
+            print!(", {} views at {} baselines {:.1} %", views.len(), BaselineRefinement::sets(views).len(), coverage(of_views));
         }
-        println!(", sure {:.1} %", coverage(&mut others.iter().filter(|sample| sample.level >= 14)));
+        let sure = DeviationModel::level(230);
+        println!(", sure {:.1} %", coverage(&mut others.iter().filter(|sample| sample.level >= sure)));
         let mut deviations: Vec<f32> = others.iter().map(|sample| sample.deviation(&model)).collect();
         deviations.sort_by(f32::total_cmp);
         let at = |share: f64| deviations[(share * (deviations.len() - 1) as f64) as usize];
+        let mut typical: Vec<f32> = others.iter().map(|sample| model.variance(&sample.terms).sqrt()).collect();
+        typical.sort_by(f32::total_cmp);
+        println!("of the surest in the median {:.3} pixels", typical[typical.len() / 2]);
         println!("deviations: a tenth below {:.3}, half {:.3}, nine tenths {:.3} pixels", at(0.1), at(0.5), at(0.9));
     }
 }
 
 impl Sample {
     fn deviation(&self, model: &DeviationModel) -> f32 {
-        (model.factors[self.level].powi(2) * model.variance(&self.terms) + self.stage).sqrt()
+        ((model.factors[self.level] / self.baseline).powi(2) * model.variance(&self.terms) + self.stage).sqrt()
     }
 }
 
@@ -98,8 +119,8 @@ fn samples(method: MethodName, seed: u64) -> Vec<Sample> {
 
 /// Matches a scene. There is nothing if its range is not found, or too much is wrong.
 fn capture(method: MethodName, engine: &Engine, seed: u64, number: u64) -> Vec<Sample> {
-    let views = [Views::NONE.with(View::RIGHT), Views::HORIZONTAL, Views::CROSS, Views::ARRAY][number as usize % 4];
-    let [width, height] = SIZES[number as usize / 4 % SIZES.len()];
+    let views = layouts()[number as usize % 6];
+    let [width, height] = SIZES[number as usize / 6 % SIZES.len()];
     // Others than those that the confidences are fitted on, whose seeds are 0 and 1.
     let random = RandomScene::new(1000 + seed, number, [width, height]);
     let shot = random.render(views);
@@ -111,16 +132,25 @@ fn capture(method: MethodName, engine: &Engine, seed: u64, number: u64) -> Vec<S
     };
     let Ok(setup) = MatchSetup::new(&mut frames, RangeSource::ImagesAlone, search) else { return Vec::new() };
     let (method, frames) = setup.suited(method.method(None, views.len()).expect("a method without weights"), frames);
-    let (map, confidences) = method.disparities_and_confidences(engine, &frames, &setup.search, &()).expect("a match");
+    let found = method.estimate(engine, &frames, &setup.search, &()).expect("a match");
+    let Estimate { disparities: map, confidences, baselines } = found;
     let terms = engine.install(|| terms(&map, &confidences, &frames, views));
     let relative = random.camera.repeatability_mm / random.camera.baseline_mm;
     let sample = |(at, (disparity, truth)): (usize, (&Option<Disparity>, &f32))| {
         let error = (f32::from((*disparity)?) - truth).abs();
         // Misses are spread evenly up to the repeatability.
-        let variance = (f64::from(*truth) * relative).powi(2) / 3.0 / views.len() as f64;
-        let stage = if (number / 8).is_multiple_of(2) { variance as f32 } else { 0.0 };
+        let squares: f64 = views.iter().map(|view| f64::from(view.right().abs().max(view.down().abs())).powi(2)).sum();
+        let variance = (f64::from(*truth) * relative).powi(2) / 3.0 / squares;
+        let stage = if (number / 12).is_multiple_of(2) { variance as f32 } else { 0.0 };
         let level = DeviationModel::level(confidences.pixels()[at]);
-        Some(Sample { error, stage, level, terms: terms.of_pixel(at), views: views.len() })
+        Some(Sample {
+            error,
+            stage,
+            level,
+            terms: terms.of_pixel(at, baselines.pixels()[at]),
+            baseline: baselines.pixels()[at],
+            views,
+        })
     };
     let samples: Vec<Sample> =
         map.pixels().iter().zip(shot.truth.pixels()).enumerate().step_by(SPARSITY).filter_map(sample).collect();
@@ -159,19 +189,22 @@ fn model_of(weights: [f32; Terms::COUNT], samples: &[&Sample]) -> DeviationModel
     let mut ratios = vec![Vec::new(); DeviationModel::LEVELS];
     for sample in samples {
         let rest = (sample.error.powi(2) / 4.0 - sample.stage).max(0.0);
-        ratios[sample.level].push((rest / model.variance(&sample.terms).max(1e-12)).sqrt());
+        ratios[sample.level].push(sample.baseline * (rest / model.variance(&sample.terms).max(1e-12)).sqrt());
     }
-    // Not above that of the level below, and levels without pixels have that of the level above.
+    // Not above that of the level below. Levels without pixels have that of the level above, and above all pixels, of the surest.
     let mut factors = ratios.into_iter().map(|mut ratios| {
         let at = (SHARE * ratios.len() as f64) as usize;
         (at < ratios.len()).then(|| *ratios.select_nth_unstable_by(at, f32::total_cmp).1)
     });
     let known: Vec<Option<f32>> = factors.by_ref().collect();
-    let mut above = 0.0f32;
+    let surest = known.iter().rev().flatten().next().copied().unwrap_or(1.0).max(1e-6);
+    let mut above = surest;
     for (factor, known) in model.factors.iter_mut().zip(known).rev() {
         above = known.unwrap_or(above).max(above);
-        *factor = above;
+        *factor = above / surest;
     }
+    // Weights are those of the surest.
+    model.weights = weights.map(|weight| weight * surest * surest);
     model
 }
 

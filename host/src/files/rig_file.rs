@@ -6,7 +6,7 @@ use std::{
     time::SystemTime,
 };
 
-use multiscopic_core::Frame;
+use multiscopic_core::{Frame, View, Views};
 use serde::{Deserialize, Serialize};
 
 use super::{frame_files::FrameFiles, input, output, pair_calibration::PairCalibration, utc};
@@ -174,10 +174,13 @@ impl Rig {
         Some(Geometry { focal_px: focal_px?, baseline_mm: baseline_mm?, principal_point: self.principal_point(size), doffs })
     }
 
-    /// The standard deviation of the baseline, in millimetres, of so many `views`: the stage returns to each position with an error
-    /// that is anywhere up to its repeatability. 0 if that is not known.
-    pub fn baseline_deviation_mm(&self, views: usize) -> f64 {
-        self.capture.repeatability_mm.unwrap_or_default() / (3.0 * views.max(1) as f64).sqrt()
+    /// The standard deviation of the shortest baseline, in millimetres, as `views` together measure it: the stage returns to each
+    /// position with an error that is anywhere up to its repeatability, and counts less the farther the view is away. 0 if the
+    /// repeatability is not known.
+    pub fn baseline_deviation_mm(&self, views: Views) -> f64 {
+        let square = |view: View| f64::from(view.right().unsigned_abs().max(view.down().unsigned_abs())).powi(2);
+        let squares: f64 = views.iter().map(square).sum();
+        self.capture.repeatability_mm.unwrap_or_default() / (3.0 * squares.max(1.0)).sqrt()
     }
 
     /// Returns the pixel at which the optical axis meets images of a size.

@@ -1,9 +1,8 @@
-//! Views at several baselines: the refinement of disparities from short ones by views at longer ones, and the merging of
-//! disparities that were found at each.
+//! Views at several baselines: the refinement of disparities from short ones by views at longer ones.
 
-use multiscopic_core::{BlockMatchingParams, Disparity, Frame, Fusion, SearchConfig, SearchSpace, View, Views};
+use multiscopic_core::{BlockMatchingParams, Frame, Fusion, SearchConfig, SearchSpace, View, Views};
 
-use super::{Engine, confidence_map, refinement::Median};
+use super::{Engine, refinement::Median};
 use crate::{
     error::{Error, Result},
     images::{DisparityMap, Frames, Raster},
@@ -55,7 +54,8 @@ impl BaselineRefinement {
     }
 
     /// Refines `map`, which a match with `earlier` found, by the `sets` of views at longer baselines, in ascending order.
-    /// All of them are searched around `map`; where several find a disparity, that of the longest baseline counts.
+    /// All of them are searched around `map`; where several find a disparity, that of the longest baseline counts, and `baselines`
+    /// receives its multiple.
     ///
     /// # Errors
     /// If a view is missing, or a parameter is out of its range.
@@ -66,6 +66,7 @@ impl BaselineRefinement {
         earlier: &SearchSpace,
         sets: &[Views],
         map: DisparityMap,
+        mut baselines: Option<&mut Raster<f32>>,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         let prior = match self.median {
@@ -81,9 +82,11 @@ impl BaselineRefinement {
             let params = BlockMatchingParams::block_matching(search, self.block_size)?.around(earlier);
             progress.begin(search.height() as u64, "lines");
             let found = engine.disparities_around(&frames.planes(), &prior, &params, &|| progress.advance(1))?;
-            for ((refined, found), prior) in refined.pixels_mut().iter_mut().zip(found.pixels()).zip(prior.pixels()) {
+            let pixels = refined.pixels_mut().iter_mut().zip(found.pixels()).zip(prior.pixels());
+            for (at, ((refined, found), prior)) in pixels.enumerate() {
                 if found != prior {
                     *refined = *found;
+                    baselines.iter_mut().for_each(|baselines| baselines.pixels_mut()[at] = views.multiple().into());
                 }
             }
         }
@@ -113,7 +116,7 @@ impl BaselineRefinement {
             num_disparities: (most - least + 1) as u16,
         }
         .checked()?;
-        self.refine(engine, frames, &earlier, &BaselineRefinement::sets(frames.views()), prior, progress)
+        self.refine(engine, frames, &earlier, &BaselineRefinement::sets(frames.views()), prior, None, progress)
     }
 }
 
@@ -142,42 +145,6 @@ pub(super) fn frames_at_own_baseline(frames: &Frames, views: Views) -> Frames {
         Some(nearer) => own.with_picture(nearer, picture(Frame::View(view))),
         None => own,
     })
-}
-
-/// The difference up to which disparities at two baselines are the same, in pixels of the unit baseline.
-const SAME: f32 = 0.75;
-
-/// Merges the disparities that were found at a longer baseline, in its own pixels, into those that were found at a shorter one,
-/// and the probabilities, times 255, that they are right. The `multiples` of the baseline are in ascending order.
-///
-/// The mean counts of two that agree to [`SAME`] pixels, each weighted by the square of its multiple, since the noise falls in
-/// proportion. Of two that do not, at most one is right, and the more probable one counts.
-pub(super) fn merge(
-    multiples: [u8; 2],
-    (shorter, sure): (&mut DisparityMap, &mut Raster<u8>),
-    (longer, longer_sure): (&DisparityMap, &Raster<u8>),
-) {
-    let weights = multiples.map(|multiple| f32::from(multiple).powi(2));
-    let found = longer.pixels().iter().zip(longer_sure.pixels());
-    for ((disparity, sure), (far, far_sure)) in shorter.pixels_mut().iter_mut().zip(sure.pixels_mut()).zip(found) {
-        let Some(far) = far.map(|far| f32::from(far) / f32::from(multiples[1])) else { continue };
-        let [p, q] = [*sure, *far_sure].map(|sure| f64::from(sure) / 255.0);
-        let (merged, probability) = match disparity.map(f32::from) {
-            None => (far, q),
-            Some(near) if (near - far).abs() <= SAME => {
-                ((weights[0] * near + weights[1] * far) / (weights[0] + weights[1]), p.max(q))
-            }
-            Some(near) => {
-                let [near_alone, far_alone, neither] = [p * (1.0 - q), q * (1.0 - p), (1.0 - p) * (1.0 - q)];
-                let (disparity, alone) = if far_alone > near_alone { (far, far_alone) } else { (near, near_alone) };
-                // Both cannot be certain.
-                let all = near_alone + far_alone + neither;
-                (disparity, if all > 0.0 { alone / all } else { 0.5 })
-            }
-        };
-        *disparity = Disparity::from_bits((merged * Disparity::STEPS as f32).round() as i16);
-        *sure = confidence_map::of_probability(probability);
-    }
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@
 use multiscopic_core::Views;
 
 use super::{
+    baselines::BaselineRefinement,
     confidence_map::ConfidenceMap,
     refinement::{Fit, LucasKanade},
 };
@@ -20,7 +21,7 @@ use crate::images::{DisparityMap, FloatImage, Frames, Raster};
 pub struct DeviationModel {
     /// The weights of the [terms](Terms::of_pixel).
     pub weights: [f32; Terms::COUNT],
-    /// The factors of the roots, by sixteenths of the confidence. They do not rise.
+    /// The factors of the roots, by the [level](DeviationModel::level) of the confidence. They do not rise.
     pub factors: [f32; DeviationModel::LEVELS],
 }
 
@@ -28,9 +29,12 @@ impl DeviationModel {
     /// The number of levels of confidence.
     pub const LEVELS: usize = 16;
 
-    /// The level of a confidence.
+    /// The level of a confidence: doubts, 255 less the confidence, are told apart to half an octave, since among those who are
+    /// surest, errors still differ by ten times.
     pub fn level(confidence: u8) -> usize {
-        usize::from(confidence) * DeviationModel::LEVELS / 256
+        /// The greatest doubts of the levels but the lowest.
+        const DOUBTS: [u8; DeviationModel::LEVELS - 1] = [192, 128, 96, 64, 48, 32, 24, 16, 12, 8, 6, 4, 3, 2, 1];
+        DOUBTS.partition_point(|doubt| 255 - confidence <= *doubt)
     }
 
     /// The variance of the terms of a pixel in square pixels, before the factor.
@@ -39,9 +43,15 @@ impl DeviationModel {
     }
 }
 
-/// The terms of disparities' variances.
+/// The terms of disparities' variances: those of each baseline, the shortest first.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Terms {
+pub struct Terms(Vec<TermsOfBaseline>);
+
+/// The terms by the views at one baseline.
+#[derive(Clone, Debug, PartialEq)]
+struct TermsOfBaseline {
+    /// The baseline, in multiples of the shortest.
+    multiple: f32,
     fits: Raster<Fit>,
     /// The squared misalignment of the views over their number, in square pixels.
     misalignment: f32,
@@ -54,26 +64,48 @@ pub struct Terms {
 /// If the sizes differ, or a view is missing.
 pub fn terms(map: &DisparityMap, confidences: &ConfidenceMap, frames: &Frames, views: Views) -> Terms {
     let is_likely = |at: usize| confidences.pixels()[at] >= 128;
-    let (fits, misalignment) = LucasKanade.fit(map, is_likely, frames, views);
-    Terms { fits, misalignment: misalignment * misalignment / views.len().max(1) as f32 }
+    let of_baseline = |(n, views): (usize, Views)| {
+        let (fits, misalignment) = LucasKanade.fit(map, is_likely, frames, views);
+        let misalignment = misalignment * misalignment / views.len().max(1) as f32;
+        // The first are matched in pixels of the shortest baseline, wherever they are.
+        let multiple = if n == 0 { 1.0 } else { views.multiple().into() };
+        TermsOfBaseline { multiple, fits, misalignment }
+    };
+    Terms(BaselineRefinement::sets(views).into_iter().enumerate().map(of_baseline).collect())
 }
 
 impl Terms {
     /// The number of terms of a pixel.
     pub const COUNT: usize = 6;
 
-    /// The terms of a pixel, by its place in the map row by row: 1 for what is the same everywhere, the squares of noise, step
-    /// and roughness of its [`Fit`], its share of an edge, and the squared misalignment over the number of views.
-    pub fn of_pixel(&self, at: usize) -> [f32; Terms::COUNT] {
-        let Fit { step, noise, roughness, edge } = self.fits.pixels()[at];
-        [1.0, noise * noise, step * step, roughness * roughness, edge, self.misalignment]
+    /// The terms of a pixel, by its place in the map row by row, that was measured at a `baseline`, in pixels of that baseline: 1
+    /// for what is the same everywhere, the squares of noise, step and roughness of its [`Fit`], its share of an edge, and the
+    /// squared misalignment over the number of views.
+    pub fn of_pixel(&self, at: usize, baseline: f32) -> [f32; Terms::COUNT] {
+        let Some(TermsOfBaseline { multiple, fits, misalignment }) =
+            self.0.iter().find(|terms| terms.multiple >= baseline).or(self.0.last())
+        else {
+            return [f32::INFINITY; Terms::COUNT];
+        };
+        let Fit { step, noise, roughness, edge } = fits.pixels()[at];
+        let square = |pixels: f32| (multiple * pixels).powi(2);
+        [1.0, square(noise), square(step), square(roughness), edge, *misalignment]
     }
 
-    /// Returns the standard deviations of disparities in pixels, +inf where invalid.
-    pub fn deviations(&self, map: &DisparityMap, confidences: &ConfidenceMap, model: &DeviationModel) -> FloatImage {
-        let pixels = map.pixels().iter().zip(confidences.pixels()).enumerate();
-        let deviation = |(at, (disparity, confidence)): (usize, (&Option<_>, &u8))| match disparity {
-            Some(_) => model.factors[DeviationModel::level(*confidence)] * model.variance(&self.of_pixel(at)).sqrt(),
+    /// Returns the standard deviations of disparities in pixels, +inf where invalid, which were measured at these baselines.
+    pub fn deviations(
+        &self,
+        map: &DisparityMap,
+        confidences: &ConfidenceMap,
+        baselines: &Raster<f32>,
+        model: &DeviationModel,
+    ) -> FloatImage {
+        let pixels = map.pixels().iter().zip(confidences.pixels()).zip(baselines.pixels()).enumerate();
+        let deviation = |(at, ((disparity, confidence), baseline)): (usize, ((&Option<_>, &u8), &f32))| match disparity {
+            Some(_) => {
+                model.factors[DeviationModel::level(*confidence)] * model.variance(&self.of_pixel(at, *baseline)).sqrt()
+                    / baseline
+            }
             None => f32::INFINITY,
         };
         FloatImage::new(map.width(), map.height(), pixels.map(deviation).collect())
@@ -82,23 +114,23 @@ impl Terms {
 
 /// Block matching.
 pub const BLOCK_MATCHING: DeviationModel = DeviationModel {
-    weights: [0.11, 0.0163, 0.000015, 0.000015, 0.0605, 17.6],
-    factors: [15.6, 15.6, 15.6, 15.6, 15.6, 15.6, 15.5, 15.1, 15.1, 15.1, 12.7, 12.7, 12.2, 6.49, 2.43, 1.0],
+    weights: [0.0543, 0.109, 1.77, 0.441, 0.0, 3.53],
+    factors: [22.7, 22.7, 22.7, 22.7, 20.2, 15.5, 7.91, 5.44, 3.43, 1.98, 1.32, 1.12, 1.12, 1.0, 1.0, 1.0],
 };
 /// Semi-global matching.
 pub const SEMI_GLOBAL: DeviationModel = DeviationModel {
-    weights: [0.144, 0.0469, 0.139, 0.000040, 0.000008, 11.6],
-    factors: [14.0, 14.0, 14.0, 14.0, 14.0, 12.7, 12.7, 11.4, 10.9, 10.9, 10.2, 8.11, 4.77, 3.01, 1.79, 1.0],
+    weights: [0.0387, 0.155, 0.0393, 0.242, 0.0, 0.0],
+    factors: [27.9, 23.2, 22.9, 19.1, 13.9, 10.3, 6.59, 4.92, 3.30, 2.59, 2.36, 1.55, 1.16, 1.0, 1.0, 1.0],
 };
 /// Graph cuts.
 pub const GRAPH_CUTS: DeviationModel = DeviationModel {
-    weights: [0.0968, 0.0, 0.0, 0.315, 0.0, 31.0],
-    factors: [20.3, 20.3, 20.3, 19.3, 15.7, 15.7, 15.7, 15.7, 15.7, 15.7, 10.8, 10.8, 6.81, 6.81, 2.24, 1.0],
+    weights: [0.0124, 0.0992, 1.24, 0.954, 0.992, 0.734],
+    factors: [30.7, 13.3, 13.3, 12.8, 12.6, 9.73, 9.73, 3.79, 2.98, 2.62, 2.50, 1.70, 1.11, 1.0, 1.0, 1.0],
 };
 /// The network.
 pub const NETWORK: DeviationModel = DeviationModel {
-    weights: [0.0391, 0.0, 0.0, 8.13, 0.0, 65.1],
-    factors: [18.5, 18.5, 16.3, 16.3, 16.3, 15.9, 15.9, 15.9, 15.9, 14.0, 13.5, 10.5, 5.82, 3.61, 1.85, 1.0],
+    weights: [0.00163, 0.0101, 0.327, 0.773, 0.0503, 5.23],
+    factors: [58.2, 43.4, 33.8, 25.3, 12.2, 8.48, 6.73, 5.12, 4.06, 3.32, 2.77, 2.42, 2.05, 1.86, 1.51, 1.0],
 };
 
 #[cfg(test)]
@@ -118,13 +150,16 @@ mod tests {
     #[test]
     fn a_deviation_is_the_root_of_weighted_terms_times_a_factor() {
         let fit = Fit { step: 0.5, noise: 2.0, roughness: 1.0, edge: 0.25 };
-        let terms = Terms { fits: Raster::filled(3, 1, fit), misalignment: 3.0 };
+        let of_baseline = |multiple| TermsOfBaseline { multiple, fits: Raster::filled(3, 1, fit), misalignment: 3.0 };
+        let terms = Terms(vec![of_baseline(1.0), of_baseline(2.0)]);
         let mut factors = [2.0; DeviationModel::LEVELS];
         factors[15] = 1.0;
         let model = DeviationModel { weights: [1.0, 0.5, 4.0, 0.0, 8.0, 1.0], factors };
         let map = DisparityMap::new(3, 1, vec![Disparity::whole(3), None, Disparity::whole(9)]);
-        let found = terms.deviations(&map, &ConfidenceMap::new(3, 1, vec![240, 0, 239]), &model);
-        // 1 + 2 + 1 + 0 + 2 + 3
-        assert_eq!(found.pixels(), [3.0, f32::INFINITY, 6.0]);
+        let confidences = ConfidenceMap::new(3, 1, vec![254, 0, 253]);
+        // 1 + 2 + 1 + 0 + 2 + 3, and 1 + 4 (2 + 1) + 0 + 2 + 3 at two baselines.
+        let baselines = Raster::new(3, 1, vec![1.0, 1.0, 2.0]);
+        let found = terms.deviations(&map, &confidences, &baselines, &model);
+        assert_eq!(found.pixels(), [3.0, f32::INFINITY, 18f32.sqrt()]);
     }
 }

@@ -15,6 +15,7 @@ use super::{
     },
     cost_function::CostFunction,
     deviation::{self, DeviationModel},
+    merging::{self, Evidence},
     network::{DisparityNetwork, Inputs},
     optimization::{
         edge_aware::{EdgeAware, Penalties},
@@ -97,6 +98,17 @@ pub enum Pipeline {
     /// `net`: a small network that decides between two passes of semi-global matching, by the census at one scale and at two,
     /// in the window of 9 x 7 pixels.
     Network(&'static DisparityNetwork),
+}
+
+/// The findings of a match, by [`Method::estimate`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// The disparities.
+    pub disparities: DisparityMap,
+    /// The probabilities that they are right, times 255.
+    pub confidences: ConfidenceMap,
+    /// The baseline, in multiples of the shortest, at which a match of this confidence is as precise as this disparity.
+    pub baselines: Raster<f32>,
 }
 
 impl Method {
@@ -207,8 +219,7 @@ impl Method {
         Ok(map)
     }
 
-    /// [`disparities`](Method::disparities), and how confident they are. If the views are at several baselines, the evidence is
-    /// that of the shortest, and with the network that of all.
+    /// [`disparities`](Method::disparities), and how confident they are: see [`estimate`](Method::estimate).
     ///
     /// # Errors
     /// As [`disparities`](Method::disparities).
@@ -219,15 +230,29 @@ impl Method {
         search: &SearchSpace,
         progress: &dyn Progress,
     ) -> Result<(DisparityMap, ConfidenceMap)> {
-        let (map, evidence) = self.disparities_and_evidence(engine, frames, search, progress)?;
+        let Estimate { disparities, confidences, .. } = self.estimate(engine, frames, search, progress)?;
+        Ok((disparities, confidences))
+    }
+
+    /// Estimates the disparities of the centre of `frames`, as [`disparities`](Method::disparities) does, how confident they are,
+    /// and the baselines that measured them. If the views are at several baselines, the evidence is that of the shortest, and
+    /// with the network that of all.
+    ///
+    /// # Errors
+    /// As [`disparities`](Method::disparities).
+    pub fn estimate(&self, engine: &Engine, frames: &Frames, search: &SearchSpace, progress: &dyn Progress) -> Result<Estimate> {
+        let mut evidence = Evidence::none(search);
+        let map = self.disparities_by_sets(engine, frames, search, Some(&mut evidence), progress)?;
         let confidences = match self.confidence_table() {
             Some(table) => {
                 let table = confidence_map::with_share_beyond(table, self.share_beyond);
-                confidence_map::confidences(&map, &evidence, &table, engine)
+                confidence_map::confidences(&map, &evidence.peaks, &table, engine)
             }
-            None => confidence_map::where_valid(&map, evidence),
+            None => confidence_map::where_valid(&map, evidence.peaks),
         };
-        engine.install(|| self.refinement.by_confidence(map, confidences, frames, search.views()))
+        let (disparities, confidences) =
+            engine.install(|| self.refinement.by_confidence(map, confidences, frames, search.views()))?;
+        Ok(Estimate { disparities, confidences, baselines: evidence.baselines })
     }
 
     /// [`disparities`](Method::disparities), before refinements by confidence, and the evidence for them: see
@@ -242,9 +267,9 @@ impl Method {
         search: &SearchSpace,
         progress: &dyn Progress,
     ) -> Result<(DisparityMap, Raster<u8>)> {
-        let mut evidence = Raster::filled(search.width(), search.height(), 0);
+        let mut evidence = Evidence::none(search);
         let map = self.disparities_by_sets(engine, frames, search, Some(&mut evidence), progress)?;
-        Ok((map, evidence))
+        Ok((map, evidence.peaks))
     }
 
     /// Returns true if the [deviations](Method::deviations) of its disparities are known.
@@ -263,8 +288,9 @@ impl Method {
         }
     }
 
-    /// Returns the standard deviations of disparities that this method found in the centre of `frames` by `views`, with these
-    /// confidences, in pixels: +inf where invalid. `None` if they are not [known](Method::has_deviations).
+    /// Returns the standard deviations of the disparities that this method [estimated](Method::estimate) in the centre of `frames`
+    /// by `views`, with these confidences and baselines, in pixels: +inf where invalid. `None` if they are not
+    /// [known](Method::has_deviations).
     ///
     /// # Panics
     /// If the sizes differ, or a view is missing.
@@ -275,9 +301,11 @@ impl Method {
         views: Views,
         map: &DisparityMap,
         confidences: &ConfidenceMap,
+        baselines: &Raster<f32>,
     ) -> Option<FloatImage> {
         let model = self.deviation_model()?;
-        Some(engine.install(|| deviation::terms(map, confidences, frames, views)).deviations(map, confidences, model))
+        let terms = engine.install(|| deviation::terms(map, confidences, frames, views));
+        Some(terms.deviations(map, confidences, baselines, model))
     }
 
     /// The probabilities that disparities are right, by the evidence that this method gives. `None` if the evidence is this
@@ -298,7 +326,7 @@ impl Method {
         engine: &Engine,
         frames: &Frames,
         search: &SearchSpace,
-        evidence: Option<&mut Raster<u8>>,
+        mut evidence: Option<&mut Evidence>,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         engine.check(&frames.planes(), search)?;
@@ -312,41 +340,47 @@ impl Method {
         let map = match (self.long_baselines, &sets[..]) {
             (Some(long_baselines), [shortest, longer @ ..]) if !longer.is_empty() => {
                 let search = search.with_views(*shortest)?;
-                let (map, rest) = match self.pipeline {
-                    Pipeline::Network(_) => self.merged_baselines(engine, frames, &search, longer, evidence, progress)?,
-                    _ => (self.disparities_together(engine, frames, &search, evidence, progress)?, longer),
+                let (mut map, rest) = match self.pipeline {
+                    Pipeline::Network(_) => {
+                        self.merged_baselines(engine, frames, &search, longer, evidence.as_deref_mut(), progress)?
+                    }
+                    _ => {
+                        let peaks = evidence.as_deref_mut().map(|evidence| &mut evidence.peaks);
+                        (self.disparities_together(engine, frames, &search, peaks, progress)?, longer)
+                    }
                 };
-                if rest.is_empty() { map } else { long_baselines.refine(engine, frames, &search, rest, map, progress)? }
+                if !rest.is_empty() {
+                    let baselines = evidence.map(|evidence| &mut evidence.baselines);
+                    map = long_baselines.refine(engine, frames, &search, rest, map, baselines, progress)?;
+                }
+                map
             }
-            _ => self.disparities_together(engine, frames, search, evidence, progress)?,
+            _ => self.disparities_together(engine, frames, search, evidence.map(|evidence| &mut evidence.peaks), progress)?,
         };
         Ok(self.with_sub_pixels(engine, frames, search.views(), search.min_disparity()..=search.max_disparity(), map))
     }
 
     /// Estimates disparities by the views of `search` and then by each of the sets at longer baselines in its own pixels, as
-    /// far as these can be searched, merged with those before, and the probabilities that they are right. Returns the sets that
-    /// are left.
+    /// far as these can be searched, merged with those before, and the evidence for them, which is the probability that they are
+    /// right. Returns the sets that are left.
     fn merged_baselines<'v>(
         &self,
         engine: &Engine,
         frames: &Frames,
         search: &SearchSpace,
         longer: &'v [Views],
-        evidence: Option<&mut Raster<u8>>,
+        evidence: Option<&mut Evidence>,
         progress: &dyn Progress,
     ) -> Result<(DisparityMap, &'v [Views])> {
-        let no_evidence = || Raster::filled(search.width(), search.height(), 0);
-        let (mut own, mut multiple) = (no_evidence(), search.views().multiple());
-        let confidences = evidence.unwrap_or(&mut own);
-        let mut map = self.disparities_together(engine, frames, search, Some(&mut *confidences), progress)?;
+        let mut own = Evidence::none(search);
+        let evidence = evidence.unwrap_or(&mut own);
+        let mut map = self.disparities_together(engine, frames, search, Some(&mut evidence.peaks), progress)?;
         for (n, &views) in longer.iter().enumerate() {
             let Some(search) = baselines::at_own_baseline(search, views) else { return Ok((map, &longer[n..])) };
             let frames = baselines::frames_at_own_baseline(frames, views);
-            let mut sure = no_evidence();
+            let mut sure = Raster::filled(search.width(), search.height(), 0);
             let found = self.disparities_together(engine, &frames, &search, Some(&mut sure), progress)?;
-            let multiples = [multiple, views.multiple()];
-            baselines::merge(multiples, (&mut map, confidences), (&found, &sure));
-            multiple = views.multiple();
+            merging::merge((&mut map, evidence), views.multiple(), (&found, &sure), &deviation::NETWORK);
         }
         Ok((map, &[]))
     }

@@ -2,8 +2,7 @@
 //!
 //! Choose a [`Method`]: [`Method::net`] is the trained network, [`Method::semi_global`] and [`Method::block_matching`] are
 //! faster. [`MethodName`] lists all methods with their defaults. Then call [`Method::disparities`] with an [`Engine`], the
-//! frames and the search, or [`Method::disparities_and_confidences`]. The modules below are the steps, for pipelines of your
-//! own.
+//! frames and the search, or [`Method::estimate`]. The modules below are the steps, for pipelines of your own.
 //!
 //! The kernels are those of the crate `multiscopic-engine`, whose types are re-exported here.
 //!
@@ -30,6 +29,7 @@ pub mod cost;
 mod cost_function;
 pub mod deviation;
 pub(crate) mod memory;
+mod merging;
 mod method;
 mod method_name;
 pub mod optimization {
@@ -51,6 +51,6 @@ pub use multiscopic_engine::{
 pub use baselines::BaselineRefinement;
 pub use cost::Volume;
 pub use cost_function::{CostFunction, CostName};
-pub use method::{Method, Pipeline};
+pub use method::{Estimate, Method, Pipeline};
 pub use method_name::{MethodName, SemiGlobalMethod};
 pub use refinement::Refinement;

@@ -8,6 +8,7 @@ use multiscopic::{
     scene::RandomScene,
     stereo::{
         Pipeline,
+        deviation::{DeviationModel, NETWORK},
         network::{Bands, DisparityNetwork, DotProducts, Inputs, QuantizedLayer, Runs},
         refinement::Refinement,
     },
@@ -248,7 +249,10 @@ fn several_baselines_are_matched_one_by_one_and_merged() {
             let [p, q] = [probability(&short_sure), probability(&long_sure)];
             let expected = if (a - b).abs() <= 0.75 {
                 agreed += 1;
-                vec![((a + 9.0 * b) / 10.0, p.max(q))]
+                // By the inverse of the variance.
+                let factor = |map: &Raster<u8>| f64::from(NETWORK.factors[DeviationModel::level(map.get(u, v))]);
+                let [w, x] = [1.0 / factor(&short_sure).powi(2), 9.0 / factor(&long_sure).powi(2)];
+                vec![((w * a + x * b) / (w + x), p.max(q))]
             } else {
                 chosen += 1;
                 let sum = p * (1.0 - q) + q * (1.0 - p) + (1.0 - p) * (1.0 - q);

@@ -11,7 +11,7 @@ use multiscopic::{
         Cloud, output,
         ros::{RosRecording, RosStream},
     },
-    stereo::MethodName,
+    stereo::{Estimate, MethodName},
 };
 use multiscopic_core::Frame;
 
@@ -80,10 +80,10 @@ impl<'a> LiveRecording<'a> {
         };
         let search = preparation.search;
         let (method, frames) = preparation.suited(MethodName::Bm.method(self.search.block_size, views.len())?, frames);
-        let (mut disparities, mut confidences) = method.disparities_and_confidences(&self.engine, &frames, &search, &())?;
+        let Estimate { mut disparities, mut confidences, baselines } = method.estimate(&self.engine, &frames, &search, &())?;
         mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
-        let of_baseline = source.rig.as_ref().map_or(0.0, |rig| rig.baseline_deviation_mm(views.len()));
-        let deviations = method.deviations(&self.engine, &frames, views, &disparities, &confidences);
+        let of_baseline = source.rig.as_ref().map_or(0.0, |rig| rig.baseline_deviation_mm(views));
+        let deviations = method.deviations(&self.engine, &frames, views, &disparities, &confidences, &baselines);
         let deviations = deviations.map(|deviations| geometry.depth_deviations(&disparities, &deviations, of_baseline));
         let range = [search.min_disparity(), search.max_disparity()];
         let frames = source.frame_tree(undistortion.as_ref(), None, None)?;

@@ -201,21 +201,21 @@ impl Match {
         }
         // They take memory and time, so that whoever asks for disparities alone does without.
         let wants_deviations = has_deviations && (outputs.of_depth().is_some() || self.limits.max_sigma.is_some());
-        let (mut disparities, mut confidences) = match (prior, outputs.has_confidences() || wants_deviations) {
-            (Some(prior), _) => (method.disparities_around(engine, &frames, prior, &watch)?, None),
-            (None, false) => (method.disparities(engine, &frames, &search, &watch)?, None),
+        let (mut disparities, mut confidences, baselines) = match (prior, outputs.has_confidences() || wants_deviations) {
+            (Some(prior), _) => (method.disparities_around(engine, &frames, prior, &watch)?, None, None),
+            (None, false) => (method.disparities(engine, &frames, &search, &watch)?, None, None),
             (None, true) => {
-                let (disparities, confidences) = method.disparities_and_confidences(engine, &frames, &search, &watch)?;
-                (disparities, Some(confidences))
+                let found = method.estimate(engine, &frames, &search, &watch)?;
+                (found.disparities, Some(found.confidences), Some(found.baselines))
             }
         };
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
         mask_unseen(undistortion.as_ref(), &mut disparities, confidences.as_mut());
-        let deviations = confidences.as_ref().zip(geometry.as_ref()).filter(|_| wants_deviations);
-        let deviations = deviations.and_then(|(confidences, geometry)| {
-            let deviations = method.deviations(engine, &frames, search.views(), &disparities, confidences)?;
-            let of_baseline = source.rig.as_ref().map_or(0.0, |rig| rig.baseline_deviation_mm(search.views().len()));
+        let deviations = confidences.as_ref().zip(baselines).zip(geometry.as_ref()).filter(|_| wants_deviations);
+        let deviations = deviations.and_then(|((confidences, baselines), geometry)| {
+            let deviations = method.deviations(engine, &frames, search.views(), &disparities, confidences, &baselines)?;
+            let of_baseline = source.rig.as_ref().map_or(0.0, |rig| rig.baseline_deviation_mm(search.views()));
             Some(geometry.depth_deviations(&disparities, &deviations, of_baseline))
         });
         self.limits.apply(&mut disparities, confidences.as_mut(), geometry.as_ref(), deviations.as_ref());

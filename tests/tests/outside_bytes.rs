@@ -398,7 +398,7 @@ fn deeply_nested_texts_are_refused() {
 /// refused.
 #[test]
 fn command_lines_are_refused_without_a_panic() {
-    const WORDS: [&str; 44] = [
+    const WORDS: [&str; 46] = [
         "match",
         "evaluate",
         "demo",
@@ -434,6 +434,8 @@ fn command_lines_are_refused_without_a_panic() {
         "3x",
         "--accuracy",
         "1mm@0m",
+        "--until",
+        "1e999 % within -1 mm",
         "--views",
         "4,4,4",
         "--baseline",

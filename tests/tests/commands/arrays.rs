@@ -1,5 +1,5 @@
 //! Views anywhere in the image plane, on the command line and in rig.toml, and captured with simulated hardware: layouts, several
-//! baselines, and the accuracy that is asked for.
+//! baselines, and the accuracy or the precision that is asked for.
 
 use std::{fs, path::Path};
 
@@ -188,8 +188,59 @@ fn what_cannot_be_taken_is_refused() {
     refused("--baseline 5 --layout 3x3 --views 2", &["cannot be used with"]);
     refused("--baseline 5 --accuracy 1", &["0.5@600"]);
     refused("--baseline 5 --accuracy 1@600 --live", &["cannot be used with"]);
+    refused("--baseline 5 --until 80", &["as \"80 % within 2 mm\""]);
+    refused("--baseline 5 --most-views 3", &["--until"]);
     refused("--baseline 60 --baselines 60,120", &["cannot be used with"]);
     assert_eq!(fs::read_dir(folder.path()).expect("the folder").count(), 0);
+}
+
+/// Each view is taken where it helps most, until the share of precise depths is reached. Most of them are as precise as is said.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn views_are_taken_until_depths_are_precise() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let until = |name: &str, options: &str, goal: &str| {
+        let options = format!("--size 320x240 --baseline 8{options}");
+        let words = ["capture", "--camera", "sim", "--stage", "sim", "-o"].map(String::from).into_iter();
+        let words = words.chain([path(name).display().to_string(), "--until".into(), goal.into()]);
+        Invocation::new(words.chain(options.split(' ').map(String::from)).collect::<Vec<_>>())
+    };
+    let report = until("rig", "", "40 % within 20 mm");
+    report.assert_done();
+    let rig = Rig::load(&path("rig")).expect("a rig.toml");
+    let (views, notes) = (rig.images.views(), rig.capture.notes.expect("notes"));
+    assert!((2..=4).contains(&views.len()), "{notes}");
+    assert!(views.iter().any(|view| view.multiple() > 1), "{notes}");
+    let log = fs::read_to_string(path("rig").join("capture.log")).expect("a log");
+    for word in ["found by right: ", "chosen: ", " mm, for ", "expected: "] {
+        assert!(notes.contains(word) && log.contains(word) && report.stderr.contains(word), "{word}: {notes}\n{log}\n{report:?}");
+    }
+
+    let [rig, sigma, depth] = [path("rig"), path("sigma.pfm"), path("depth.pfm")].map(|path| path.display().to_string());
+    Invocation::new(["match", &rig, "--sigma", &sigma, "--depth", &depth]).assert_done();
+    let [sigma, depth] = [sigma, depth].map(|path| read_pfm(Path::new(&path)).2);
+    let truth = read_pfm(&path("rig").join("truth.pfm")).2;
+    let camera = PinholeCamera::new(320, 240);
+    let error_mm = |at: usize| (1000.0 * f64::from(depth[at]) - camera.focal_px * 8.0 / f64::from(truth[at])).abs();
+    let precise: Vec<f64> = (0..sigma.len()).filter(|&at| 2.0 * sigma[at] <= 20.0).map(error_mm).collect();
+    let right = precise.iter().filter(|error| **error <= 20.0).count();
+    assert!(precise.len() * 100 >= sigma.len() * 38, "{} of {}", precise.len(), sigma.len());
+    assert!(right * 100 >= precise.len() * 93, "{right} of {}", precise.len());
+
+    // What cannot be reached is said, with the reason, and the frames are kept.
+    let report = until("missed", " --most-views 2 --json", "99 % within 10 mm");
+    assert_eq!(report.code, Some(1), "{report:?}");
+    for said in ["the goal of 99 % within 10 mm is not reached, after 2 views, the most that may be taken: ", "a longer baseline"]
+    {
+        assert!(report.stderr.contains(said), "{report:?}");
+    }
+    let captured: serde_json::Value = serde_json::from_str(&report.stdout).expect("JSON");
+    assert_eq!(captured["is_accurate"], false, "{captured}");
+    let report = until("blocked", " --reach 8 --views 1", "99 % within 1 mm");
+    assert_eq!(report.code, Some(1), "{report:?}");
+    assert!(report.stderr.contains("and no other view is expected to help: "), "{report:?}");
+    assert_eq!(Rig::load(&path("blocked")).expect("a rig.toml").images.views().len(), 1);
 }
 
 /// The median error of the disparities of a rig, in pixels of its shortest baseline.

@@ -4,6 +4,7 @@
 mod live_recording;
 mod long_baseline;
 mod recorder;
+mod until;
 
 use std::{
     fs,
@@ -17,7 +18,7 @@ use clap::Args;
 use multiscopic::{
     Engine, Error, Result,
     capture::{
-        Accuracy, SimulatedCamera,
+        Accuracy, Goal, SimulatedCamera,
         stage::{AnyStage, TurnedStage},
     },
     files::output,
@@ -27,8 +28,12 @@ use multiscopic_core::{View, Views, capture::Plan};
 
 #[cfg(feature = "live")]
 use self::live_recording::LiveRecording;
-use self::long_baseline::{LongBaseline, at_multiple};
 pub use self::recorder::{Recorded, Recorder};
+use self::{
+    long_baseline::{LongBaseline, at_multiple},
+    recorder::Extension,
+    until::Until,
+};
 #[cfg(feature = "live")]
 use super::foxglove::FoxgloveOptions;
 use super::{
@@ -51,7 +56,7 @@ pub struct Capture {
     output: PathBuf,
 
     /// Capture repeatedly until Ctrl-C
-    #[arg(long, conflicts_with = "accuracy")]
+    #[arg(long, conflicts_with_all = ["accuracy", "until"])]
     live: bool,
 
     /// Page to look at the capture, matched by blocks, see `multiscopic view`
@@ -205,20 +210,27 @@ impl RecorderOptions {
             }
             hardware.stage = AnyStage::new(TurnedStage::new(hardware.stage, mount.split_roll().0));
         }
-        let long_baseline = match (self.layout.accuracy, focal_px) {
-            (None, _) => None,
-            (Some(accuracy), None) => {
-                let message = format!("--accuracy {accuracy} needs the focal length in pixels: give --focal-px or --lens");
-                return Err(Error::Usage(message));
+        let asked = self.layout.accuracy.map(|accuracy| format!("--accuracy {accuracy}"));
+        let asked = asked.or(self.layout.until.map(|goal| format!("--until \"{goal}\"")));
+        if let (Some(option), None) = (&asked, focal_px) {
+            return Err(Error::Usage(format!("{option} needs the focal length in pixels: give --focal-px or --lens")));
+        }
+        let (baseline_um, mut views) = (self.layout.baseline_um()?, self.layout.views()?);
+        let (search, reach_um) = (self.search.clone(), hardware.limits.reach_um);
+        let extension = match (self.layout.accuracy, self.layout.until) {
+            (Some(accuracy), _) => {
+                Some(Extension::Accuracy(LongBaseline { accuracy, search, engine: Engine::new(None, 0)?, reach_um }))
             }
-            (Some(accuracy), Some(_)) => {
-                let (search, engine) = (self.search.clone(), Engine::new(None, 0)?);
-                Some(LongBaseline { accuracy, search, engine, reach_um: hardware.limits.reach_um })
+            (None, Some(goal)) => {
+                let (nearest, most_views) = (at_multiple(views, 1), self.layout.most_views.into());
+                let until = Until { goal, most_views, nearest, search, engine: Engine::new(None, 0)?, baseline_um, reach_um };
+                views = until.first();
+                Some(Extension::Until(until))
             }
+            (None, None) => None,
         };
-        let baseline_um = self.layout.baseline_um()?;
-        let plan = Plan::new(self.layout.views()?, baseline_um).shortened(hardware.policy.backlash_um);
-        Ok(Recorder { plan, baseline_um, long_baseline, focal_px, lens, mount, hand_eye, hardware })
+        let plan = Plan::new(views, baseline_um).shortened(hardware.policy.backlash_um);
+        Ok(Recorder { plan, baseline_um, extension, focal_px, lens, mount, hand_eye, hardware })
     }
 }
 
@@ -250,6 +262,16 @@ struct LayoutOptions {
     /// it is not reached
     #[arg(long, value_name = "MM@DISTANCE", conflicts_with = "baselines")]
     accuracy: Option<Accuracy>,
+
+    /// Share of the pixels whose depth is to be within a length of the truth, with 95 % certainty, such as "80 % within 2 mm": one
+    /// neighbour is taken and matched by `net`, and then each view that helps most, in the directions of --views at any whole
+    /// multiple of the baseline, until it is so or nothing helps; needs the focal length. Exits with 1 if it is not reached
+    #[arg(long, value_name = "SHARE % within MM mm", conflicts_with_all = ["baselines", "accuracy"])]
+    until: Option<Goal>,
+
+    /// Most neighbours that --until takes
+    #[arg(long, value_name = "N", default_value_t = 12, requires = "until", value_parser = clap::value_parser!(u8).range(1..=Views::MAX as i64))]
+    most_views: u8,
 }
 
 impl LayoutOptions {

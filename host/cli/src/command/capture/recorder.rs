@@ -11,7 +11,7 @@ use std::{
 use jiff::Zoned;
 use multiscopic::{
     CameraModel, FloatImage, Frames, Inspection, Result, Rig,
-    capture::{Acquisition, SimulatedCamera, acquire_images},
+    capture::{Acquisition, SimulatedCamera, acquire_images, next_view::Experience},
     files::{FrameFiles, FramePose, Provenance, output},
     images::Transform,
     lens::{HandEye, LensFile, MeasuredViews, Mount, Undistortion},
@@ -22,7 +22,10 @@ use multiscopic_core::{
 };
 use serde::Serialize;
 
-use super::long_baseline::LongBaseline;
+use super::{
+    long_baseline::LongBaseline,
+    until::{Look, Until},
+};
 use crate::command::{advice, hardware::Hardware, scene::TRUTH_FILE_NAME, terminal};
 
 /// Takes captures that differ only in their folder and date.
@@ -31,8 +34,8 @@ pub struct Recorder {
     pub plan: Plan,
     /// The distance from the centre to the nearest neighbours, in micrometres.
     pub baseline_um: u32,
-    /// The choice of views at a longer baseline, if they are taken as needed.
-    pub long_baseline: Option<LongBaseline>,
+    /// The choice of more views, if they are taken as needed.
+    pub extension: Option<Extension>,
     /// The focal length in pixels, if it is known.
     pub focal_px: Option<f64>,
     /// The calibration of the camera's lens, if it is known.
@@ -43,6 +46,14 @@ pub struct Recorder {
     pub hand_eye: Option<HandEye>,
     /// The stage and the camera.
     pub hardware: Hardware,
+}
+
+/// The choice of views that are taken as needed.
+pub enum Extension {
+    /// Longer baselines, until depths are accurate.
+    Accuracy(LongBaseline),
+    /// Any views, until a share of the depths is precise.
+    Until(Until),
 }
 
 /// The outcome of a recording.
@@ -62,9 +73,9 @@ pub struct Recorded {
     min_disparity: Option<i16>,
     #[serde(skip_serializing_if = "Option::is_none")]
     num_disparities: Option<u16>,
-    /// The choice of views at a longer baseline.
+    /// The choice of views that were taken as needed.
     notes: Vec<String>,
-    /// The fate of the accuracy that was asked for.
+    /// The fate of the accuracy or the goal that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub is_accurate: Option<bool>,
 }
@@ -151,8 +162,8 @@ impl Recorder {
             .inspect_err(|_| terminal::complain(&format!("{} is kept, but the capture ended with an error:", folder.display())))
     }
 
-    /// Takes views at a longer baseline as well, if they are needed, and returns if they are as accurate as was asked for.
-    /// Whatever fails, the frames that are there stay.
+    /// Takes more views, if they are needed, and returns if the depths are as accurate as was asked for. Whatever fails, the frames
+    /// that are there stay.
     fn extend(
         &mut self,
         frames: &mut Frames,
@@ -161,43 +172,75 @@ impl Recorder {
         notes: &mut Vec<String>,
         observe: &mut dyn FnMut(&str, usize, usize),
     ) -> Result<Option<bool>> {
-        let Some(long_baseline) = &self.long_baseline else { return Ok(None) };
+        let Some(extension) = &self.extension else { return Ok(None) };
         let rig = self.rig(frames, String::new(), None);
         let geometry = rig.geometry(frames.size()).expect("an accuracy comes with the focal length");
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
-        let ideal = |frames: &Frames| {
-            let gray = frames.clone().without_color();
-            undistortion.as_ref().map_or_else(|| gray.clone(), |lens| lens.frames(&gray))
-        };
-        let mut refinement = long_baseline.begin(&ideal(frames), geometry)?;
-        notes.push(refinement.found());
-        let short = frames.clone();
-        loop {
-            notes.push(refinement.chosen());
-            let views = refinement.next_views();
-            let is_full = frames.views().len() + views.len() > Views::MAX;
-            if views.is_empty() || is_full {
-                let miss = refinement.miss();
-                let full = is_full.then(|| format!("no more than {} views can be matched", Views::MAX));
-                notes.extend(full.into_iter().chain(miss.clone()));
-                return Ok(Some(miss.is_none()));
-            }
-            let plan = Plan::of_views(views, self.baseline_um).shortened(self.hardware.policy.backlash_um);
-            let mut taken = acquire(&mut self.hardware, &plan, log, observe)?;
+        let ideal = |frames: &Frames| undistortion.as_ref().map_or_else(|| frames.clone(), |lens| lens.frames(frames));
+        let (hardware, baseline_um) = (&mut self.hardware, self.baseline_um);
+        // Takes views, and adds them to some frames, or if that fails to those that are kept.
+        let mut take = |views: Views, to: Frames, frames: &mut Frames, poses: &mut Vec<(Frame, FramePose)>| {
+            let plan = Plan::of_views(views, baseline_um).shortened(hardware.policy.backlash_um);
+            let mut taken = acquire(hardware, &plan, log, observe)?;
             let added = mem::take(&mut taken.poses);
             if let Some(error) = taken.failure.take() {
                 poses.extend(added);
                 *frames = taken.added_to(frames.clone());
                 return Err(error);
             }
-            // Views at baselines in between would only add noise.
-            let extended = taken.added_to(short.clone());
-            let (reached, is_better) = refinement.refine(&ideal(&extended))?;
-            notes.push(reached);
-            if is_better {
-                poses.truncate(1 + short.views().len());
-                poses.extend(added);
-                *frames = extended;
+            Ok((taken.added_to(to), added))
+        };
+        match extension {
+            Extension::Accuracy(long_baseline) => {
+                let gray = |frames: &Frames| ideal(&frames.clone().without_color());
+                let mut refinement = long_baseline.begin(&gray(frames), geometry)?;
+                notes.push(refinement.found());
+                let short = frames.clone();
+                loop {
+                    notes.push(refinement.chosen());
+                    let views = refinement.next_views();
+                    let is_full = frames.views().len() + views.len() > Views::MAX;
+                    if views.is_empty() || is_full {
+                        let miss = refinement.miss();
+                        let full = is_full.then(|| format!("no more than {} views can be matched", Views::MAX));
+                        notes.extend(full.into_iter().chain(miss.clone()));
+                        return Ok(Some(miss.is_none()));
+                    }
+                    // Views at baselines in between would only add noise.
+                    let (extended, added) = take(views, short.clone(), frames, poses)?;
+                    let (reached, is_better) = refinement.refine(&gray(&extended))?;
+                    notes.push(reached);
+                    if is_better {
+                        poses.truncate(1 + short.views().len());
+                        poses.extend(added);
+                        *frames = extended;
+                    }
+                }
+            }
+            Extension::Until(until) => {
+                let look = |frames: &Frames, before: Option<&Look>| {
+                    let of_baseline = rig.baseline_deviation_mm(frames.views());
+                    until.look(ideal(frames), geometry, of_baseline, undistortion.as_ref(), before)
+                };
+                let (mut best, mut tried, mut experience) = (look(frames, None)?, frames.views(), Experience::default());
+                notes.push(until.found(&best));
+                while let Some(next) = until.next(&best, tried, experience) {
+                    notes.push(until.chosen(&next, &best));
+                    tried = tried.with(next.view);
+                    let (extended, added) = take(Views::NONE.with(next.view), frames.clone(), frames, poses)?;
+                    let found = look(&extended, Some(&best))?;
+                    notes.push(until.found(&found));
+                    experience = experience.with(next.share - best.reached, found.reached - best.reached);
+                    if found.reached <= best.reached {
+                        notes.push(format!("{} does not help, and is left out", next.view));
+                        continue;
+                    }
+                    poses.extend(added);
+                    (*frames, best) = (extended, found);
+                }
+                let miss = until.miss(&best, tried);
+                notes.extend(miss.clone());
+                Ok(Some(miss.is_none()))
             }
         }
     }

@@ -66,6 +66,10 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "A machine with G-code moves it to the left and to the right",
                 "multiscopic capture --camera /dev/video0 --stage gcode:/dev/ttyUSB0 \\\n    --baseline 20 --views 2 -o rig",
             ),
+            (
+                "View by view where it helps most, until depths are precise",
+                "multiscopic capture --camera sim --stage sim --baseline 5 \\\n    --until \"70 % within 10 mm\" -o rig",
+            ),
             ("Without any hardware", "multiscopic capture --camera sim --stage sim --baseline 5 -o rig"),
         ],
     ),

@@ -1,7 +1,7 @@
 //! Measures how views change the precision of depths, and what `capture --until` makes of it: `cargo run --release -p
 //! multiscopic-tests --example next_view`.
 //!
-//! Fits the ratios of deviations that `multiscopic::capture::next_view` has: random scenes are matched by one neighbour, and by
+//! Fits the ratios of deviations that `multiscopic::stereo::next_view` has: random scenes are matched by one neighbour, and by
 //! four more at random places one after the other, and each pixel's deviation is compared with the one before. With the argument
 //! `check`, looks at other scenes, and at the light fields whose folders follow, as `capture --until` would, and compares with
 //! fixed arrays: the moves that reach the precision which a cross and a 3x3 array reach, and the expected shares with those that
@@ -11,10 +11,12 @@ use std::{env, path::Path};
 
 use multiscopic::{
     Engine, Frames, Geometry, MatchSetup, Picture, RangeSource,
-    capture::next_view::{Experience, GAINS, Goal, MOST_GROWTH, Outlook, SHARES, State},
     images::FloatImage,
     scene::RandomScene,
-    stereo::{Estimate, MethodName},
+    stereo::{
+        Estimate, MethodName,
+        next_view::{Experience, GAINS, Goal, MOST_GROWTH, Outlook, SHARES, State},
+    },
 };
 use multiscopic_core::{Frame, Fusion, SearchConfig, View, Views};
 use multiscopic_reference::split_mix::Random;

@@ -11,7 +11,6 @@
 //! | [`Clock`], [`SystemClock`] | the time by which stages are waited for |
 //! | [`acquire_images`] | runs the core's [`Sequence`](multiscopic_core::capture::Sequence) into memory |
 //! | [`Accuracy`], [`Survey`], [`Choice`] | which long baseline gives the depth accuracy asked for |
-//! | [`next_view`] | the view that helps most, where depths are not as precise as asked for |
 
 mod accuracy;
 mod acquisition;
@@ -19,7 +18,6 @@ pub mod camera;
 pub mod exec;
 mod imperfections;
 mod lines;
-pub mod next_view;
 #[cfg(feature = "scene")]
 mod simulated_camera;
 pub mod stage;
@@ -32,7 +30,6 @@ use std::{
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
 pub use acquisition::{Acquisition, BlockingCamera, ThreadedCamera, acquire_images, acquire_images_with_clock};
 pub use imperfections::Imperfections;
-pub use next_view::{Goal, Outlook, Prospect};
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;
 

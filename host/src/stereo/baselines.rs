@@ -65,8 +65,7 @@ impl BaselineRefinement {
         frames: &Frames,
         earlier: &SearchSpace,
         sets: &[Views],
-        map: DisparityMap,
-        mut baselines: Option<&mut Raster<f32>>,
+        (map, mut baselines): (DisparityMap, Option<&mut Raster<f32>>),
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         let prior = match self.median {
@@ -116,7 +115,7 @@ impl BaselineRefinement {
             num_disparities: (most - least + 1) as u16,
         }
         .checked()?;
-        self.refine(engine, frames, &earlier, &BaselineRefinement::sets(frames.views()), prior, None, progress)
+        self.refine(engine, frames, &earlier, &BaselineRefinement::sets(frames.views()), (prior, None), progress)
     }
 }
 

@@ -351,7 +351,7 @@ impl Method {
                 };
                 if !rest.is_empty() {
                     let baselines = evidence.map(|evidence| &mut evidence.baselines);
-                    map = long_baselines.refine(engine, frames, &search, rest, map, baselines, progress)?;
+                    map = long_baselines.refine(engine, frames, &search, rest, (map, baselines), progress)?;
                 }
                 map
             }

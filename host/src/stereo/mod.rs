@@ -21,6 +21,7 @@
 //! | [`Method`] | a [`Pipeline`] of these steps, and its [`Refinement`] |
 //! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
 //! | [`MethodName`] | the methods by name, each with its defaults |
+//! | [`next_view`] | the view that helps most, where depths are not as precise as asked for |
 
 pub mod aggregation;
 mod baselines;
@@ -32,6 +33,7 @@ pub(crate) mod memory;
 mod merging;
 mod method;
 mod method_name;
+pub mod next_view;
 pub mod optimization {
     //! Optimization: the disparity of every pixel by its costs, and by those of its neighbours.
 

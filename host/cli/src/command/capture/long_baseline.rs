@@ -80,7 +80,7 @@ impl Refinement<'_> {
         let long = BaselineRefinement { median: None, ..BaselineRefinement::DEFAULT };
         let sets = BaselineRefinement::sets(frames.views());
         let longer = sets.get(1..).unwrap_or_default();
-        let refined = long.refine(&self.options.engine, frames, &self.search, longer, self.prior.clone(), None, &())?;
+        let refined = long.refine(&self.options.engine, frames, &self.search, longer, (self.prior.clone(), None), &())?;
         // Where the long views found nothing, the prior stays, whose noise says nothing about them.
         let pixels = refined.pixels().iter().zip(self.prior.pixels()).map(|(found, prior)| found.filter(|_| found != prior));
         let found = DisparityMap::new(refined.width(), refined.height(), pixels.collect());

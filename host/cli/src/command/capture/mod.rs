@@ -18,11 +18,12 @@ use clap::Args;
 use multiscopic::{
     Engine, Error, Result,
     capture::{
-        Accuracy, Goal, SimulatedCamera,
+        Accuracy, SimulatedCamera,
         stage::{AnyStage, TurnedStage},
     },
     files::output,
     lens::{HandEye, LensFile, Mount},
+    stereo::next_view::Goal,
 };
 use multiscopic_core::{View, Views, capture::Plan};
 

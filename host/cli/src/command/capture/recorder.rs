@@ -11,10 +11,11 @@ use std::{
 use jiff::Zoned;
 use multiscopic::{
     CameraModel, FloatImage, Frames, Inspection, Result, Rig,
-    capture::{Acquisition, SimulatedCamera, acquire_images, next_view::Experience},
+    capture::{Acquisition, SimulatedCamera, acquire_images},
     files::{FrameFiles, FramePose, Provenance, output},
     images::Transform,
     lens::{HandEye, LensFile, MeasuredViews, Mount, Undistortion},
+    stereo::next_view::Experience,
 };
 use multiscopic_core::{
     Frame, Views,

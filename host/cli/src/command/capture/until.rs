@@ -2,12 +2,11 @@
 
 use multiscopic::{
     Engine, FloatImage, Frames, Geometry, MatchSetup, RangeSource, Result,
-    capture::{
-        Goal,
-        next_view::{Experience, MOST_GROWTH, Missing, Outlook, Prospect},
-    },
     lens::Undistortion,
-    stereo::{Estimate, MethodName},
+    stereo::{
+        Estimate, MethodName,
+        next_view::{Experience, Goal, MOST_GROWTH, Missing, Outlook, Prospect},
+    },
 };
 use multiscopic_core::{View, Views};
 

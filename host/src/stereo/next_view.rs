@@ -3,7 +3,7 @@
 //! 1. The standard deviation of each pixel's depth tells if it is within the [`Goal`].
 //! 2. By the disparities that were found, a candidate sees a pixel, or something nearer hides it. What no view has seen so far is
 //!    the other side of an occlusion; what was seen has a confidence, and a baseline that measured it.
-//! 3. Of pixels in each such [state](State), [`RATIOS`] has how much larger or smaller the deviation was after another view, as
+//! 3. Of pixels in each such [state](State), a table has how much larger or smaller the deviation was after another view, as
 //!    measured on made-up scenes. So each candidate has an expected share of pixels within the goal.
 //! 4. The candidate with the greatest share is next. If none adds anything, the pixels that are left tell why.
 
@@ -11,10 +11,10 @@ use std::{fmt, str::FromStr};
 
 use multiscopic_core::{View, Views};
 
+use super::Estimate;
 use crate::{
     error::{Error, Result},
     images::{DisparityMap, FloatImage},
-    stereo::Estimate,
 };
 
 /// A share of the pixels, and the precision of their depths: the truth is nearer than this length with a probability of 95 %.
@@ -22,7 +22,7 @@ use crate::{
 /// It is written `SHARE % within MM mm`.
 ///
 /// ```
-/// use multiscopic::capture::Goal;
+/// use multiscopic::stereo::next_view::Goal;
 /// let goal: Goal = "80 % within 2 mm".parse()?;
 /// assert_eq!(goal, Goal { share: 0.8, depth_mm: 2.0 });
 /// # Ok::<(), multiscopic::Error>(())
@@ -98,7 +98,7 @@ pub fn gain(ratio: f32) -> usize {
     [0.75, 1.5, 3.0, 6.0, 12.0].partition_point(|bound| *bound <= ratio)
 }
 
-/// The shares of pixels whose ratio is below those of [`RATIOS`].
+/// The shares of pixels whose ratio is below those of the table.
 pub const SHARES: [f64; 7] = [0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98];
 
 /// The ratios of deviations after and before a view, as binary logarithms in eighths, by state and [gain]. `cargo run --release -p

@@ -6,6 +6,11 @@
 //! `check`, looks at other scenes, and at the light fields whose folders follow, as `capture --until` would, and compares with
 //! fixed arrays: the moves that reach the precision which a cross and a 3x3 array reach, and the expected shares with those that
 //! came out. Baselines are a quarter of those of the random scenes, so that there are longer ones.
+//!
+//! 2026-11-30, 2 cores (x86-64), 17 scenes that show their range: to reach the precision of 60 % of the pixels that a cross at the
+//! shortest baseline has, 15 take 2.2 moves in the mean instead of 4; a 3x3 array, 12 of 14 take 3.5 instead of 8; at twice the
+//! baseline 16 take 3.5, and 13 of 16 take 4.5; at four times 13 take 5.6, and 12 of 15 take 5.7. 335 of 392 expected shares were
+//! within 20 % of what came out, 7 % off in the median. Of what is said to be precise, 98 % is in the median.
 
 use std::{env, path::Path};
 
@@ -40,6 +45,8 @@ struct World {
     /// The true depths in metres.
     depths: FloatImage,
     candidates: Vec<View>,
+    /// True if there are views beside the row and the column as well.
+    has_corners: bool,
 }
 
 /// What a match found.
@@ -82,6 +89,7 @@ impl World {
         });
         let mut world = World::new(frames, geometry, 0.0, &truth);
         world.candidates.retain(|view| view.right().abs().max(view.down().abs()) <= 4);
+        world.has_corners = false;
         world
     }
 
@@ -91,7 +99,7 @@ impl World {
         let reach = truth.width() as f32 / 2.0 / most;
         let of_multiple = |multiple: u8| View::CROSS.into_iter().filter_map(move |view| view.times(multiple));
         let candidates = MULTIPLES.into_iter().filter(|multiple| f32::from(*multiple) <= reach).flat_map(of_multiple).collect();
-        World { frames, geometry, baseline_deviation_mm: repeatability_mm / 3f64.sqrt(), depths, candidates }
+        World { frames, geometry, baseline_deviation_mm: repeatability_mm / 3f64.sqrt(), depths, candidates, has_corners: true }
     }
 
     /// The same with a baseline that is a multiple of this.
@@ -214,6 +222,9 @@ fn check(engine: &Engine, folders: &[String]) {
             continue;
         }
         for (layout, moves) in [Views::CROSS, Views::ARRAY].into_iter().zip(&mut moves) {
+            if layout == Views::ARRAY && !world.has_corners {
+                continue;
+            }
             let most = world.candidates.iter().map(|view| view.multiple()).max().unwrap_or(1);
             for multiple in [1, 2, 4].into_iter().filter(|multiple| *multiple <= most) {
                 let Some(looked) = make().wider(multiple).look(engine, layout, &mut None) else { continue };

@@ -34,6 +34,7 @@
 //! | to do | begin with |
 //! | --- | --- |
 //! | match blocks, or along paths where there is little texture | [`Matcher`]; [`SemiGlobalMatcher`] |
+//! | measure depth while the camera slides, frame by frame | [`SweepFilter`] |
 //! | name the views, the search range and the fusion rule | [`SearchConfig`], [`Views`], [`Fusion`] |
 //! | know the memory beforehand, or match in tiles to bound it | [`Memory`]; [`Region`] |
 //! | turn disparities into distances | [`Triangulation`] |
@@ -73,6 +74,7 @@
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
 //! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
 //! | `network` | with the feature `network`: the learned network in bounded memory |
+//! | `sweep` | [`SweepFilter`]: refines disparities frame by frame while the camera slides |
 //! | [`capture`] | taking the frames: the camera moves, settles and captures |
 //!
 //! The crate does not allocate, panic or recurse. Unsafe code is confined to modules of [`kernel`], each of
@@ -106,6 +108,7 @@ mod rectification;
 mod region;
 mod scanline;
 mod semi_global;
+mod sweep;
 mod view;
 mod views;
 
@@ -130,5 +133,6 @@ pub use scanline::{Gradients, Rewind, ScanlineSource};
 #[cfg(feature = "network")]
 pub use semi_global::{EightPaths, EightPathsLine};
 pub use semi_global::{PathWinners, SemiGlobalMatcher};
+pub use sweep::{SweepFilter, SweepOffset, SweepParams, SweepParamsError, SweepPixel, SweepReader, SweepReport};
 pub use view::{Frame, ParseViewError, View, ViewError};
 pub use views::Views;

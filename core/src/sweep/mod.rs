@@ -41,13 +41,13 @@ pub use pixel::SweepPixel;
 /// - **Belief.** Messages go along each line from both ends, and down the columns. A message takes up the state of each pixel it
 ///   meets, weighed by information, and keeps little of its own across an edge of the picture. The belief in a pixel is the
 ///   mean of its state, of the three messages and of the middle of the range.
-/// - **Hypotheses.** If a message or the state differs from the belief by half a pixel, and by a quarter of a pixel in this
-///   frame, the one whose block fits the frame best is believed in. A pixel without measurements also tries whole pixels
+/// - **Hypotheses.** If a message or the state differs from the belief by a quarter of a pixel, and by an eighth of a pixel in
+///   this frame, the one whose block fits the frame best is believed in. A pixel without measurements also tries whole pixels
 ///   around its belief, up to two standard deviations. The state of a pixel that changes is nearly without information.
 /// - **Measurement.** The pixels of a block count by their likeness to its middle, and if the frame sees them within half a
-///   pixel of it. Steps are at most three quarters of a pixel. The texture that noise has is taken off before the information
+///   pixel of it. Steps are at most a pixel of the frame. The texture that noise has is taken off before the information
 ///   is computed.
-/// - **Sides.** If the rest of the block's difference is more than twice that of noise, the frame disagrees, as it does behind
+/// - **Sides.** If the rest of the block's difference is more than one and a half times that of noise, the frame disagrees, as it does behind
 ///   something nearer: nothing is measured, and the disagreement is counted. A pixel that three frames of each side disagree
 ///   with, and more than agree, forgets its state.
 ///

@@ -12,7 +12,7 @@ const PIXEL: i32 = 256;
 /// The farthest that disparities of a block may lie apart, in steps of 1/256 pixel of the frame: the grey values are linear there.
 const LINEAR: i32 = PIXEL / 2;
 /// The greatest step of a measurement, in the same.
-const GREATEST_STEP: u32 = 192;
+const GREATEST_STEP: u32 = 256;
 /// The likeness of a pixel to itself.
 const FULL: u32 = 16;
 
@@ -116,7 +116,7 @@ impl FramePass<'_, '_> {
             let disparity = self.hypothesis([u, y], pixel, &posterior);
             if disparity != believed {
                 // Much less than a frame says.
-                let little = (self.scales.square * 164 >> 24) as u32;
+                let little = (self.scales.square * 16 >> 24) as u32;
                 if pixel.information_q14 > 0 {
                     pixel.change();
                     self.report.changed += 1;
@@ -172,8 +172,8 @@ impl FramePass<'_, '_> {
         let own = (pixel.information_q14 > 0).then_some(pixel.disparity_q12);
         let messages = posterior.messages.iter().filter(|message| message.information > 0).map(|message| message.disparity);
         for disparity in messages.chain(own) {
-            let is_apart = (scales.shift(disparity) - scales.shift(believed)).abs() >= PIXEL / 4;
-            if is_apart && (disparity - believed).abs() >= 2048 {
+            let is_apart = (scales.shift(disparity) - scales.shift(believed)).abs() >= PIXEL / 8;
+            if is_apart && (disparity - believed).abs() >= 1024 {
                 consider(disparity);
             }
         }
@@ -290,7 +290,7 @@ impl FramePass<'_, '_> {
         let textured = square.saturating_sub(weight * scales.gradient_noise);
         let size = quotient(pull.unsigned_abs(), textured.max((u64::from(square) * 77 >> 8) as u32));
         let explained = (u64::from(pull.unsigned_abs()) * u64::from(size)) >> 9;
-        if u64::from(energy) > explained + u64::from(2 * scales.noise * weight) {
+        if u64::from(energy) > explained + u64::from(3 * scales.noise * weight / 2) {
             self.report.hidden += 1;
             if pixel.miss(scales.side) {
                 self.report.changed += 1;

@@ -13,6 +13,7 @@
 //! | [`networks`] | MC-CNN |
 //! | `network_inputs` | the inputs of the disparity network |
 //! | `disparity_network` | the disparity network |
+//! | `sweep` | the filter over the frames of a sweep |
 //! | [`board_photos`] | photos of a board through a lens |
 
 mod around_prior;
@@ -26,6 +27,7 @@ mod network_inputs;
 pub mod networks;
 pub mod semi_global;
 pub mod split_mix;
+mod sweep;
 
 pub use around_prior::AroundPrior;
 pub use block_matching::{FusedCosts, Fusion, Match, fixed, fuse, raw16};
@@ -33,3 +35,4 @@ pub use disparity_network::DisparityNetwork;
 pub use images::{RectifiedImage, confidence, grade, grade_at, gradients, medians, rectify, texture};
 pub use lucas_kanade::LucasKanade;
 pub use network_inputs::NetworkInputs;
+pub use sweep::{State, Sweep};

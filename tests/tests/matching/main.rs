@@ -6,3 +6,4 @@ mod patterns;
 mod priors;
 mod scanlines;
 mod semi_global;
+mod sweeps;

@@ -38,14 +38,6 @@ impl<T: bytemuck::Pod> Ring<'_, T> {
         let start = v.checked_rem(self.rows).unwrap_or_default() * self.stride;
         self.cells.get_mut(start..start + self.stride).unwrap_or_default()
     }
-
-    /// Writes column `u` of line `v`.
-    #[inline(always)]
-    pub fn set(&mut self, v: usize, u: usize, value: T) {
-        if let Some(cell) = self.row_mut(v).get_mut(PAD + u) {
-            *cell = value;
-        }
-    }
 }
 
 /// The lines of a pass.

@@ -96,76 +96,40 @@ impl Place {
     }
 }
 
-impl FramePass<'_, '_> {
-    /// Computes the equations of line `y`, with the disparities that are believed in. Both pictures are there from a radius above
-    /// it to a radius below it. `state` is that of the line.
-    pub fn equations(&mut self, y: usize, state: &mut [[u32; 2]]) {
-        let width = self.params.search().width();
-        self.beliefs.begin_line(state, self.lines.center.columns(y));
-        self.gradients(y);
-        self.lines.residuals.row_mut(y).fill(INVISIBLE);
-        for u in (0..width).rev() {
-            let Some(words) = state.get(u).copied() else { return };
-            let mut pixel = SweepPixel::from_words(words);
-            let gray = |v: usize, u: usize| self.lines.center.columns(v).get(u).copied();
-            let here = gray(y, u).unwrap_or_default();
-            let right = if u + 1 < width { gray(y, u + 1).unwrap_or_default() } else { here };
-            let above = y.checked_sub(1).and_then(|above| gray(above, u));
-            let posterior = self.beliefs.step(u, pixel, Grays { here, right, above });
-            let believed = posterior.belief.disparity;
-            let disparity = self.hypothesis([u, y], pixel, &posterior);
-            if disparity != believed {
-                // Much less than a frame says.
-                let little = (self.scales.square * 16 >> 24) as u32;
-                if pixel.information_q14 > 0 {
-                    pixel.change();
-                    self.report.changed += 1;
-                }
-                pixel = SweepPixel { disparity_q12: disparity, information_q14: pixel.information_q14.min(little), ..pixel };
-                if let Some(cell) = state.get_mut(u) {
-                    *cell = pixel.to_words();
-                }
-            }
-            let shift = self.scales.shift(disparity);
-            self.lines.disparities.set(y, u, disparity);
-            self.lines.shifts.set(y, u, shift);
-            if let Some(place) = Place::of(u, shift, width) {
-                let residual = place.residual(here, self.lines.view.columns(y)) as i16;
-                self.lines.residuals.set(y, u, residual);
-            }
-        }
-    }
+/// The most lines of a block.
+const MOST_ROWS: usize = 2 * SweepParams::MAX_RADIUS as usize + 1;
 
-    /// The slopes of the centre in line `y`: the differences of the columns beside a pixel, in three lines that count 1, 2 and 1.
-    fn gradients(&mut self, y: usize) {
-        let (width, last) = (self.params.search().width(), self.params.search().height().saturating_sub(1));
-        let rows = [y.saturating_sub(1), y, (y + 1).min(last)].map(|v| self.lines.center.columns(v));
-        let gradients = self.lines.gradients.row_mut(y).get_mut(PAD..).unwrap_or_default();
-        for (u, gradient) in gradients.iter_mut().enumerate().take(width) {
-            let [before, after] = [u.saturating_sub(1), (u + 1).min(width - 1)];
-            let slope = |row: &[u8]| match (row.get(before), row.get(after)) {
-                (Some(&before), Some(&after)) => i16::from(after) - i16::from(before),
-                _ => 0,
-            };
-            let [above, here, below] = rows.map(slope);
-            *gradient = above + 2 * here + below;
-        }
-    }
+/// A line of both pictures. The frame's has columns beyond its last.
+#[derive(Clone, Copy, Default)]
+struct BlockRow<'a> {
+    center: &'a [u8],
+    view: &'a [u8],
+}
 
-    /// The disparity of the pixel in column `u` of line `y`: the one that is believed in, or another that fits the frame clearly
+/// The lines under the blocks of a line, in which hypotheses are compared.
+struct Block<'a> {
+    scales: &'a Scales,
+    width: usize,
+    radius: usize,
+    rows: &'a [BlockRow<'a>],
+    middle: BlockRow<'a>,
+}
+
+impl Block<'_> {
+    /// The disparity of the pixel in column `u`: the one that is believed in, or another that fits the frame clearly
     /// better. The others are those of the messages and of the pixel itself, and for a pixel without measurements all at whole
     /// pixels around it, as far as the belief is uncertain.
-    fn hypothesis(&self, at: [usize; 2], pixel: SweepPixel, posterior: &Posterior) -> i32 {
+    fn hypothesis(&self, u: usize, pixel: SweepPixel, posterior: &Posterior) -> i32 {
         let believed = posterior.belief.disparity;
-        let scales = &self.scales;
+        let scales = self.scales;
         let (mut best, mut least) = (believed, None);
         let mut consider = |disparity: i32| {
             let limit = match least {
                 Some(least) => least,
-                None => self.cost(at, believed).map_or(u32::MAX, |cost| cost.saturating_sub(scales.noise * 26 >> 8)),
+                None => self.cost(u, believed).map_or(u32::MAX, |cost| cost.saturating_sub(scales.noise * 26 >> 8)),
             };
             least = Some(limit);
-            if let Some(cost) = self.cost(at, disparity).filter(|cost| *cost < limit) {
+            if let Some(cost) = self.cost(u, disparity).filter(|cost| *cost < limit) {
                 (best, least) = (disparity, Some(cost));
             }
         };
@@ -205,23 +169,100 @@ impl FramePass<'_, '_> {
 
     /// The mean square difference of a block at a disparity, in sixteenths of a squared grey value, if the frame sees its middle.
     /// Pixels count as they are like the middle.
-    fn cost(&self, [u, y]: [usize; 2], disparity: i32) -> Option<u32> {
-        let (search, radius) = (self.params.search(), self.params.radius());
-        let shift = self.scales.shift(disparity);
-        Place::of(u, shift, search.width())?;
-        let gray = self.lines.center.columns(y).get(u).copied()?;
+    fn cost(&self, u: usize, disparity: i32) -> Option<u32> {
+        let middle = Place::of(u, self.scales.shift(disparity), self.width)?;
+        let gray = self.middle.center.get(u).copied()?;
         let (mut sum, mut weights) = (0_u32, 0_u32);
-        for v in y.saturating_sub(radius)..=(y + radius).min(search.height().saturating_sub(1)) {
-            let (center, view) = (self.lines.center.columns(v), self.lines.view.columns(v));
-            for u in u.saturating_sub(radius)..=(u + radius).min(search.width().saturating_sub(1)) {
-                let (Some(place), Some(&other)) = (Place::of(u, shift, search.width()), center.get(u)) else { continue };
+        // The columns of the block that the frame sees, of which the last may lie between two.
+        let before = self.radius.min(u).min(middle.column);
+        let last = (self.width - 1).saturating_sub(usize::from(middle.share > 0));
+        let after = self.radius.min(self.width - 1 - u).min(last.saturating_sub(middle.column));
+        for row in self.rows {
+            let centers = row.center.get(u - before..=u + after).unwrap_or_default();
+            let views = row.view.get(middle.column - before..).unwrap_or_default();
+            // Beside the last column, what follows has no share.
+            for (&other, pair) in centers.iter().zip(views.windows(2)) {
+                let &[a, b] = pair else { continue };
                 let weight = likeness(gray, other, self.scales.edge_steepness);
-                let residual = place.residual(other, view);
+                let there = i32::from(a) * (PIXEL - middle.share) + i32::from(b) * middle.share;
+                let residual = (i32::from(other) * PIXEL - there + 32) >> 6;
                 sum = sum.wrapping_add(weight.wrapping_mul((residual * residual) as u32));
                 weights += weight;
             }
         }
         sum.checked_div(weights)
+    }
+}
+
+impl FramePass<'_, '_> {
+    /// Computes the equations of line `y`, with the disparities that are believed in. Both pictures are there from a radius above
+    /// it to a radius below it. `state` is that of the line.
+    pub fn equations(&mut self, y: usize, state: &mut [[u32; 2]]) {
+        self.gradients(y);
+        let FramePass { params, lines, beliefs, scales, report } = self;
+        let SweepLines { center, view, disparities, shifts, residuals, .. } = lines;
+        beliefs.begin_line(state, center.columns(y));
+        let (height, radius) = (params.search().height(), params.radius());
+        let mut rows = [BlockRow::default(); MOST_ROWS];
+        let first = y.saturating_sub(radius);
+        for (row, v) in rows.iter_mut().zip(first..=(y + radius).min(height.saturating_sub(1))) {
+            *row = BlockRow { center: center.columns(v), view: view.columns(v) };
+        }
+        let count = (y + radius).min(height.saturating_sub(1)) + 1 - first;
+        let block = Block {
+            scales,
+            width: params.search().width(),
+            radius,
+            rows: rows.get(..count).unwrap_or_default(),
+            middle: rows.get(y - first).copied().unwrap_or_default(),
+        };
+        let above = y.checked_sub(1).map(|above| center.columns(above));
+        let [disparities, shifts] = [disparities.row_mut(y), shifts.row_mut(y)].map(|row| row.get_mut(PAD..).unwrap_or_default());
+        let residuals = residuals.row_mut(y);
+        residuals.fill(INVISIBLE);
+        let residuals = residuals.get_mut(PAD..).unwrap_or_default();
+        let mut right = None;
+        let outputs = disparities.iter_mut().zip(shifts).zip(residuals);
+        let inputs = state.iter_mut().zip(block.middle.center);
+        for (u, ((cell, &here), ((disparity_out, shift_out), residual_out))) in inputs.zip(outputs).enumerate().rev() {
+            let mut pixel = SweepPixel::from_words(*cell);
+            let above = above.and_then(|above| above.get(u)).copied();
+            let posterior = beliefs.step(u, pixel, Grays { here, right: right.unwrap_or(here), above });
+            right = Some(here);
+            let disparity = block.hypothesis(u, pixel, &posterior);
+            if disparity != posterior.belief.disparity {
+                // Much less than a frame says.
+                let little = (scales.square * 16 >> 24) as u32;
+                if pixel.information_q14 > 0 {
+                    pixel.change();
+                    report.changed += 1;
+                }
+                pixel.disparity_q12 = disparity;
+                pixel.information_q14 = pixel.information_q14.min(little);
+                *cell = pixel.to_words();
+            }
+            let shift = scales.shift(disparity);
+            (*disparity_out, *shift_out) = (disparity, shift);
+            if let Some(place) = Place::of(u, shift, block.width) {
+                *residual_out = place.residual(here, block.middle.view) as i16;
+            }
+        }
+    }
+
+    /// The slopes of the centre in line `y`: the differences of the columns beside a pixel, in three lines that count 1, 2 and 1.
+    fn gradients(&mut self, y: usize) {
+        let (width, last) = (self.params.search().width(), self.params.search().height().saturating_sub(1));
+        let rows = [y.saturating_sub(1), y, (y + 1).min(last)].map(|v| self.lines.center.columns(v));
+        let gradients = self.lines.gradients.row_mut(y).get_mut(PAD..).unwrap_or_default();
+        for (u, gradient) in gradients.iter_mut().enumerate().take(width) {
+            let [before, after] = [u.saturating_sub(1), (u + 1).min(width - 1)];
+            let slope = |row: &[u8]| match (row.get(before), row.get(after)) {
+                (Some(&before), Some(&after)) => i16::from(after) - i16::from(before),
+                _ => 0,
+            };
+            let [above, here, below] = rows.map(slope);
+            *gradient = above + 2 * here + below;
+        }
     }
 
     /// Measures line `v` in the frame, and updates its state. The equations are there from a radius above it to a radius below it.

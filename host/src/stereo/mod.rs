@@ -17,6 +17,7 @@
 //! | [`deviation`] | their standard deviations |
 //! | [`BaselineRefinement`] | the refinement by views at longer baselines |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
+//! | [`fn@sweep`] | the filter over the frames of a camera that slides |
 //! | [`CostFunction`] | the costs of semi-global matching, and their names |
 //! | [`Method`] | a [`Pipeline`] of these steps, and its [`Refinement`] |
 //! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
@@ -43,6 +44,7 @@ pub mod optimization {
     pub use multiscopic_engine::{sgm, winner};
 }
 pub mod refinement;
+mod sweep;
 
 pub use crate::files::npy::write_inputs;
 pub use multiscopic_engine::{
@@ -56,3 +58,4 @@ pub use cost_function::{CostFunction, CostName};
 pub use method::{Estimate, Method, Pipeline};
 pub use method_name::{MethodName, SemiGlobalMethod};
 pub use refinement::Refinement;
+pub use sweep::{Sweep, sweep};

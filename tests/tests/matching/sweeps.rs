@@ -188,3 +188,85 @@ fn offsets_are_rounded_to_the_nearest_step() {
     assert_eq!(SweepOffset::of_micrometres(320_001, 20_000).map(SweepOffset::to_bits), Some(65_536));
     assert_eq!(SweepOffset::of_micrometres(i32::MIN, 20_000), None);
 }
+
+/// The steps of a sweep from the centre outwards, sixteen to each side.
+fn outwards() -> Vec<i32> {
+    (1..=16).flat_map(|step| [-256 * step, 256 * step]).collect()
+}
+
+/// The median error in pixels of the longest baseline, and the share that is wrong by more than a pixel, of what both sides see,
+/// after frames at places that are said to be others.
+fn errors(frames: impl IntoIterator<Item = (i32, i32)>) -> [f64; 2] {
+    let (width, height) = (96, 24);
+    let case = Case {
+        width,
+        height,
+        least: 0,
+        count: 16,
+        noise: 32,
+        radius: 2,
+        texture: Texture::Shifted,
+        offsets: Vec::new(),
+        seed: 11,
+    };
+    let center = picture(&case, 0, 0);
+    let params = SweepParams::new(search(&case).checked().expect("a search"), case.noise, case.radius).expect("parameters");
+    let mut memory = vec![0; params.memory_words()];
+    let mut filter = SweepFilter::new(&params, &mut memory).expect("enough memory");
+    for (number, (place, said)) in (1..).zip(frames) {
+        let frame = picture(&case, place, number);
+        let said = SweepOffset::from_bits(said).expect("an offset");
+        filter.refine(said, &mut Picture::new(&center), &mut Picture::new(&frame)).expect("infallible");
+    }
+    let (mut reader, mut source) = (filter.reader(), Picture::new(&center));
+    let (mut disparities, mut evidence) = (vec![None; width], vec![0; width]);
+    let mut errors = Vec::new();
+    while reader.next_line_and_evidence(&mut source, &mut disparities, &mut evidence).expect("infallible").is_some() {
+        // The background at disparity 4, away from the strip at disparity 8, which covers columns 0 to 7.
+        errors.extend(disparities[28..88].iter().flatten().map(|d| f64::from((f32::from(*d) - 4.0).abs())));
+    }
+    errors.sort_by(f64::total_cmp);
+    let wrong = errors.iter().filter(|error| **error > 1.0).count();
+    [errors[errors.len() / 2], wrong as f64 / errors.len() as f64]
+}
+
+/// Most pixels are right, and exact. The waves of the picture repeat, which deceives some.
+fn assert_sane(frames: impl IntoIterator<Item = (i32, i32)>, most_wrong: f64, what: &str) {
+    let [median, wrong] = errors(frames);
+    assert!(median < 0.05 && wrong < most_wrong, "{what}: median {median} px, wrong {wrong}");
+}
+
+#[test]
+fn a_lost_frame_costs_no_more_than_its_share() {
+    assert_sane(outwards().into_iter().map(|offset| (offset, offset)), 0.1, "all frames");
+    for lost in outwards() {
+        let rest = outwards().into_iter().filter(|offset| *offset != lost).map(|offset| (offset, offset));
+        assert_sane(rest, 0.1, &format!("without the frame at {lost}"));
+    }
+    assert_sane(outwards().into_iter().step_by(2).map(|offset| (offset, offset)), 0.1, "one side alone");
+}
+
+/// A stamp that is 20 ms off, in a sweep of 33 frames in two seconds, is a third of a step off.
+#[test]
+fn a_wrong_offset_is_one_among_many() {
+    for wrong in [-4096, -1024, 256, 2048, 4096] {
+        let said = |offset: i32| if offset == wrong { offset + 85 } else { offset };
+        let frames = outwards().into_iter().map(|offset| (offset, said(offset)));
+        assert_sane(frames, 0.1, &format!("a wrong offset at {wrong}"));
+    }
+}
+
+#[test]
+fn any_order_gives_a_sane_result() {
+    let mut random = Random(3);
+    let sweep: Vec<i32> = (-16..=16).map(|step| 256 * step).collect();
+    let backwards: Vec<i32> = outwards().into_iter().rev().collect();
+    let mut shuffled = outwards();
+    for k in (1..shuffled.len()).rev() {
+        shuffled.swap(k, random.below(k + 1));
+    }
+    // With the longest first, all of the range is searched.
+    for order in [sweep, backwards, shuffled] {
+        assert_sane(order.iter().map(|&offset| (offset, offset)), 0.2, &format!("the order {order:?}"));
+    }
+}

@@ -4,7 +4,7 @@
 //! an edge of the picture, where surfaces end. So a pixel without texture is measured where its surroundings see it, and one with
 //! texture hardly heeds them.
 
-use super::{SweepParams, pixel::SweepPixel};
+use super::{params::SweepParams, pixel::SweepPixel};
 use crate::infallible;
 
 /// The information of a message across a step of one pixel, at most, in the unit of [`SweepPixel::information_q14`].
@@ -53,7 +53,7 @@ pub fn blend(a: i32, b: i32, weight: u32, sum: u32) -> i32 {
 /// How alike two grey values are, from 0 to 16: a slope of `steepness / 256` each grey value.
 #[inline(always)]
 pub fn likeness(a: u8, b: u8, steepness: u32) -> u32 {
-    16 - (u32::from(a.abs_diff(b)) * steepness >> 8).min(16)
+    16 - ((u32::from(a.abs_diff(b)) * steepness) >> 8).min(16)
 }
 
 /// The belief in a pixel, and the messages that led to it.
@@ -146,7 +146,7 @@ impl<'m> Beliefs<'m> {
         let information = own.information + left.information + right.information + above.information + self.prior.information;
         let shift = 17_u32.saturating_sub(information.leading_zeros());
         // 15 bits of information, and differences of 16 bits in steps of 1/256 pixel.
-        let pull = |other: Belief| (other.information >> shift) as i32 * (other.disparity - own.disparity >> 4);
+        let pull = |other: Belief| (other.information >> shift) as i32 * ((other.disparity - own.disparity) >> 4);
         let pulls = pull(left) + pull(right) + pull(above) + pull(self.prior);
         let step = pulls.checked_div((information >> shift) as i32).unwrap_or_default();
         let [least, greatest] = self.limits;
@@ -176,13 +176,13 @@ pub fn limits(params: &SweepParams) -> [i32; 2] {
     [search.min_disparity(), search.max_disparity()].map(|d| i32::from(d) * 4096)
 }
 
-/// What is believed before the first frame: the middle of the range, with a tenth of the information that an even distribution has.
+/// The belief before the first frame: the middle of the range, with a tenth of the information of an even distribution.
 pub fn prior(params: &SweepParams) -> Belief {
     let [least, greatest] = limits(params);
-    let range = (greatest - least >> 12) as u32;
+    let range = ((greatest - least) >> 12) as u32;
     // 1.2 / range^2, in the unit of information.
     let information = 19_660_u32.checked_div(range * range).unwrap_or(19_660).max(1);
-    Belief { disparity: least + greatest >> 1, information }
+    Belief { disparity: (least + greatest) >> 1, information }
 }
 
 /// The slope of the likeness by which messages pass edges: none at six times the noise.

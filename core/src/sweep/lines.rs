@@ -1,6 +1,6 @@
 //! The lines that a pass over a frame keeps: some lines of both pictures, and the equations of the lines under a block.
 
-use super::SweepParams;
+use super::params::SweepParams;
 use crate::infallible;
 
 /// The columns before the first of a line, and after the last: blocks need not ask for borders.

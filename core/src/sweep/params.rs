@@ -2,8 +2,7 @@
 
 use core::{error, fmt};
 
-use super::{belief::Beliefs, lines::SweepLines};
-use crate::{SearchSpace, infallible};
+use crate::SearchSpace;
 
 /// A place of the camera on the line along which it slides: baselines to the right of the centre, in steps of 1/4096, from -16 to
 /// 16.
@@ -110,21 +109,6 @@ impl SweepParams {
     /// The radius of a block.
     pub const fn radius(&self) -> usize {
         self.radius as usize
-    }
-
-    /// The words of 32 bits that a filter needs: two for each pixel, and those of some lines.
-    pub const fn memory_words(&self) -> usize {
-        self.state_words() + infallible::div_ceil(self.line_bytes(), 4)
-    }
-
-    /// The words of the state, which stay from frame to frame.
-    pub(super) const fn state_words(&self) -> usize {
-        2 * self.search.width() * self.search.height()
-    }
-
-    /// The bytes of the lines, which serve a single pass.
-    const fn line_bytes(&self) -> usize {
-        SweepLines::bytes(self) + Beliefs::bytes(self.search.width())
     }
 }
 

@@ -1,15 +1,16 @@
 //! One pass over a frame: hypotheses, equations and measurements, line by line.
 
 use super::{
-    SweepOffset, SweepParams, SweepReport,
     belief::{Beliefs, Grays, Posterior, blend, block_steepness, edge_steepness, likeness, limits},
     lines::{INVISIBLE, LANES, PAD, SweepLines},
+    params::{SweepOffset, SweepParams},
     pixel::SweepPixel,
+    report::SweepReport,
 };
 
 /// A pixel of the frame, in the steps of shifts.
 const PIXEL: i32 = 256;
-/// The farthest that disparities of a block may lie apart, in steps of 1/256 pixel of the frame: the grey values are linear there.
+/// The farthest that matches of a block may lie apart, in steps of 1/256 pixel: grey values are linear there.
 const LINEAR: i32 = PIXEL / 2;
 /// The greatest step of a measurement, in the same.
 const GREATEST_STEP: u32 = 256;
@@ -126,7 +127,7 @@ impl Block<'_> {
         let mut consider = |disparity: i32| {
             let limit = match least {
                 Some(least) => least,
-                None => self.cost(u, believed).map_or(u32::MAX, |cost| cost.saturating_sub(scales.noise * 26 >> 8)),
+                None => self.cost(u, believed).map_or(u32::MAX, |cost| cost.saturating_sub((scales.noise * 26) >> 8)),
             };
             least = Some(limit);
             if let Some(cost) = self.cost(u, disparity).filter(|cost| *cost < limit) {
@@ -147,7 +148,7 @@ impl Block<'_> {
         let information = u64::from(posterior.belief.information);
         if pixel.information_q14 == 0 && 2 * square > information {
             // The whole range, at most.
-            let most = i64::from(greatest - least_disparity >> 12) * i64::from(scales.offset.abs()) >> 12;
+            let most = (i64::from((greatest - least_disparity) >> 12) * i64::from(scales.offset.abs())) >> 12;
             let mut distance = 1;
             while distance <= most + 1 {
                 let aside = (distance << 24).checked_div(scales.offset.into()).unwrap_or_default();
@@ -232,7 +233,7 @@ impl FramePass<'_, '_> {
             let disparity = block.hypothesis(u, pixel, &posterior);
             if disparity != posterior.belief.disparity {
                 // Much less than a frame says.
-                let little = (scales.square * 16 >> 24) as u32;
+                let little = ((scales.square * 16) >> 24) as u32;
                 if pixel.information_q14 > 0 {
                     pixel.change();
                     report.changed += 1;
@@ -265,7 +266,7 @@ impl FramePass<'_, '_> {
         }
     }
 
-    /// Measures line `v` in the frame, and updates its state. The equations are there from a radius above it to a radius below it.
+    /// Measures line `v` in the frame, and updates its state. The equations of the lines under its blocks are there.
     pub fn measure(&mut self, v: usize, state: &mut [[u32; 2]]) {
         let width = self.params.search().width();
         let mut first = 0;
@@ -306,7 +307,7 @@ impl FramePass<'_, '_> {
                     let gradient = i32::from(gradients[lane]);
                     let apart = if is_near { apart } else { 0 };
                     // At the disparity of the middle.
-                    let residual = i32::from(residuals[lane]) + (gradient * apart >> 9);
+                    let residual = i32::from(residuals[lane]) + ((gradient * apart) >> 9);
                     sums.pull[lane] = sums.pull[lane].wrapping_add(weight * gradient * residual);
                     sums.square[lane] = sums.square[lane].wrapping_add(weight * gradient * gradient);
                     sums.energy[lane] = sums.energy[lane].wrapping_add(if is_near { weight * residual * residual } else { 0 });
@@ -329,7 +330,7 @@ impl FramePass<'_, '_> {
         let (square, energy, weight) = (square as u32, energy as u32, weight as u32);
         // Noise has slopes of its own.
         let textured = square.saturating_sub(weight * scales.gradient_noise);
-        let size = quotient(pull.unsigned_abs(), textured.max((u64::from(square) * 77 >> 8) as u32));
+        let size = quotient(pull.unsigned_abs(), textured.max(((u64::from(square) * 77) >> 8) as u32));
         let explained = (u64::from(pull.unsigned_abs()) * u64::from(size)) >> 9;
         if u64::from(energy) > explained + u64::from(3 * scales.noise * weight / 2) {
             self.report.hidden += 1;

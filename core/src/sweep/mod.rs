@@ -52,9 +52,9 @@ pub use report::SweepReport;
 /// - **Measurement.** The pixels of a block count by their likeness to its middle, and if the frame sees them within half a
 ///   pixel of it. Steps are at most a pixel of the frame. The texture that noise has is taken off before the information
 ///   is computed.
-/// - **Sides.** If the rest of the block's difference is more than half again that of noise, the frame disagrees, as it does behind
-///   something nearer: nothing is measured, and the disagreement is counted. A pixel that three frames of each side disagree
-///   with, and more than agree, forgets its state.
+/// - **Sides.** If the rest of the block's difference is more than half again that of noise, the frame disagrees, as it does
+///   behind something nearer: nothing is measured, and the disagreement is counted. A pixel that three frames of each side
+///   disagree with, and more than agree, forgets its state.
 ///
 /// ```
 /// use multiscopic_core::{
@@ -110,7 +110,8 @@ pub struct SweepFilter<'m> {
 }
 
 impl<'m> SweepFilter<'m> {
-    /// A filter that has seen no frame. `memory` has at least [`memory_words`](SweepParams::memory_words) words, with any content.
+    /// A filter that has seen no frame. `memory` has at least [`memory_words`](SweepParams::memory_words) words, with any
+    /// content.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].

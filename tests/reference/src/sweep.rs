@@ -83,7 +83,7 @@ impl Sweep<'_> {
                     report[2] += 1;
                 }
                 state[at].disparity = disparity;
-                state[at].information = state[at].information.min(offset * offset * 16 >> 24);
+                state[at].information = state[at].information.min((offset * offset * 16) >> 24);
             }
             believed.push(disparity);
         }
@@ -298,8 +298,8 @@ impl Sweep<'_> {
         let cut = excess(noise, 16);
         let ratio = scaled((textured >> cut).min((1 << 22) - 1), 10, noise >> cut);
         let block = (2 * self.radius + 1).pow(2);
-        let of_weight = (ratio * weights * (65_536 / (16 * block)) >> 16).min(u32::MAX.into());
-        let information = (i128::from(of_weight) * i128::from(offset * offset) >> 22).min((1 << 24) - 1) as i64;
+        let of_weight = ((ratio * weights * (65_536 / (16 * block))) >> 16).min(u32::MAX.into());
+        let information = ((i128::from(of_weight) * i128::from(offset * offset)) >> 22).min((1 << 24) - 1) as i64;
         let step = -pull.signum() * size * 65_536 / offset;
         let measured = (believed[at as usize] + step).clamp(self.range[0] * 4096, self.range[1] * 4096);
         let (disparity, sum) = mean((state.disparity, state.information), (measured, information));

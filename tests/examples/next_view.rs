@@ -20,7 +20,7 @@ use multiscopic::{
     scene::RandomScene,
     stereo::{
         Estimate, MethodName,
-        next_view::{Experience, GAINS, Goal, MOST_GROWTH, Outlook, SHARES, State},
+        next_view::{Experience, GAINS, Goal, Outlook, SHARES, State},
     },
 };
 use multiscopic_core::{Frame, Fusion, SearchConfig, View, Views};
@@ -49,7 +49,7 @@ struct World {
     has_corners: bool,
 }
 
-/// What a match found.
+/// The findings of a match.
 struct Looked {
     found: Estimate,
     deviations: FloatImage,
@@ -240,9 +240,7 @@ fn check(engine: &Engine, folders: &[String]) {
                     if reached >= goal.share || tried.len() >= 12 {
                         break reached;
                     }
-                    let longest = views.iter().map(View::multiple).max().unwrap_or(1);
-                    let is_open = |view: &View| !tried.contains(*view) && view.multiple() <= MOST_GROWTH * longest;
-                    let candidates = world.candidates.iter().copied().filter(is_open);
+                    let candidates = world.candidates.iter().copied().filter(|view| !tried.contains(*view));
                     let outlook = looked.outlook();
                     let Some(next) = outlook.next(goal, candidates, experience) else { break reached };
                     tried = tried.with(next.view);

@@ -1,4 +1,4 @@
-//! What is believed about a pixel, with all that its neighbours say: messages along the line from both sides, and from above.
+//! The belief in a pixel, by all that its neighbours say: messages along the line from both sides, and from above.
 //!
 //! A message is a disparity and its information. It takes up what it meets, weighed by information, and loses most of its own at
 //! an edge of the picture, where surfaces end. So a pixel without texture is measured where its surroundings see it, and one with
@@ -27,7 +27,7 @@ impl Belief {
         Belief { disparity: blend(self.disparity, other.disparity, other.information, information), information }
     }
 
-    /// What is left of it after a step to the next pixel, whose grey value is as alike as `level` of 16 says.
+    /// The remainder of it after a step to the next pixel, whose grey value is as alike as `level` of 16 says.
     #[inline(always)]
     fn carried(self, level: u32) -> Belief {
         let smoothness = (SMOOTHNESS * level * level / 256).max(LEAST_SMOOTHNESS);
@@ -50,7 +50,7 @@ pub fn blend(a: i32, b: i32, weight: u32, sum: u32) -> i32 {
     a + ((b - a).wrapping_mul(gain as i32).wrapping_add(1 << 10) >> 11)
 }
 
-/// How alike two grey values are, from 0 to 16: a slope of `steepness / 256` each grey value.
+/// The likeness of two grey values, from 0 to 16: a slope of `steepness / 256` each grey value.
 #[inline(always)]
 pub fn likeness(a: u8, b: u8, steepness: u32) -> u32 {
     16 - ((u32::from(a.abs_diff(b)) * steepness) >> 8).min(16)
@@ -154,7 +154,7 @@ impl<'m> Beliefs<'m> {
     }
 }
 
-/// What a pixel itself says.
+/// The message of a pixel itself.
 #[inline(always)]
 fn own(pixel: SweepPixel) -> Belief {
     Belief { disparity: pixel.disparity_q12, information: pixel.information_q14 }

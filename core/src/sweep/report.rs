@@ -1,4 +1,4 @@
-//! What a frame did to the pixels.
+//! The report of a pass: the pixels by the effect of a frame.
 
 /// The pixels of a frame, by what it did to them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

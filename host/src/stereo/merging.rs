@@ -7,7 +7,7 @@ use crate::images::{DisparityMap, Raster};
 
 /// The evidence for disparities.
 pub(super) struct Evidence {
-    /// What the pipeline gives: see [`Method::confidence_table`](super::Method::confidence_table).
+    /// The evidence that the pipeline gives: see [`Method::confidence_table`](super::Method::confidence_table).
     pub(super) peaks: Raster<u8>,
     /// The [baselines](super::Estimate::baselines).
     pub(super) baselines: Raster<f32>,

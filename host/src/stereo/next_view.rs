@@ -211,17 +211,20 @@ pub struct Outlook<'a> {
     pub views: Views,
 }
 
-/// The most times farther than all views so far that the next may be, since a longer baseline is less predictable the longer it is.
-pub const MOST_GROWTH: u8 = 4;
+/// The most times farther than all views so far that the next may be, since a longer baseline is less predictable the longer it
+/// is.
+const MOST_GROWTH: u8 = 4;
 
 /// The share of pixels that another view must be expected to bring within the goal.
 const LEAST_GAIN: f64 = 0.01;
 
 impl Outlook<'_> {
-    /// The candidate with the greatest expected share of pixels within the goal, corrected by what came of earlier ones. `None` if
-    /// none is expected to help.
+    /// The candidate with the greatest expected share of pixels within the goal, corrected by what came of earlier ones,
+    /// among those that are at most four times as far as all views so far. `None` if none is expected to help.
     pub fn next(&self, goal: Goal, candidates: impl IntoIterator<Item = View>, experience: Experience) -> Option<Prospect> {
         let reached = goal.reached(self.deviations);
+        let most = MOST_GROWTH * self.views.iter().map(View::multiple).max().unwrap_or(1);
+        let candidates = candidates.into_iter().filter(|view| view.multiple() <= most);
         let best = self.prospects(goal, candidates).into_iter().max_by(|a, b| a.share.total_cmp(&b.share))?;
         let corrected = |share: f64| experience.trust() * share;
         let share = reached + corrected(best.share - reached);

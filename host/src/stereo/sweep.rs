@@ -18,7 +18,7 @@ pub struct Sweep {
     pub disparities: DisparityMap,
     /// The probabilities that they are at most one pixel off.
     pub confidences: ConfidenceMap,
-    /// What each frame did, in their order.
+    /// The reports of the frames, in their order.
     pub reports: Vec<SweepReport>,
 }
 

@@ -125,12 +125,12 @@ impl Sweep<'_> {
         (0..self.width).contains(&u) && (0..self.height).contains(&v)
     }
 
-    /// How alike two grey values are, of 16.
+    /// The likeness of two grey values, of 16.
     fn likeness(&self, a: i64, b: i64, slope: i64) -> i64 {
         16 - ((a - b).abs() * (slope / self.noise) / 256).min(16)
     }
 
-    /// What is left of a message from one pixel to the next.
+    /// The remainder of a message from one pixel to the next.
     fn carried(&self, (disparity, information): Belief, from: (i64, i64), to: (i64, i64)) -> Belief {
         let level = self.likeness(self.gray(from.0, from.1), self.gray(to.0, to.1), 10_923);
         let most = (8192 * level * level / 256).max(4);

@@ -155,7 +155,7 @@ fn the_filter_equals_the_reference() {
     property(400, cases(), check);
 }
 
-/// What both sides deny is forgotten, and a pixel says so.
+/// A state that both sides deny is forgotten, and a pixel says so.
 #[test]
 fn a_wrong_hypothesis_changes_like_the_reference() {
     let case = Case {

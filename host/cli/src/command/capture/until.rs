@@ -5,7 +5,7 @@ use multiscopic::{
     lens::Undistortion,
     stereo::{
         Estimate, MethodName,
-        next_view::{Experience, Goal, MOST_GROWTH, Missing, Outlook, Prospect},
+        next_view::{Experience, Goal, Missing, Outlook, Prospect},
     },
 };
 use multiscopic_core::{View, Views};
@@ -77,9 +77,7 @@ impl Until {
     /// The view that helps most, of those that were not `tried`. `None` if the goal is reached or nothing helps.
     pub fn next(&self, look: &Look, tried: Views, experience: Experience) -> Option<Prospect> {
         let is_open = look.reached < self.goal.share && tried.len() < self.most_views;
-        let longest = look.views.iter().map(View::multiple).max().unwrap_or(1);
-        let candidates = self.candidates(tried).filter(|view| view.multiple() <= MOST_GROWTH * longest);
-        is_open.then(|| look.outlook().next(self.goal, candidates, experience))?
+        is_open.then(|| look.outlook().next(self.goal, self.candidates(tried), experience))?
     }
 
     /// The places that were not tried, at powers of two of the baseline and as far as the stage reaches. At more baselines, fewer

@@ -25,9 +25,9 @@ use std::{env, error::Error, fs, path::PathBuf, time::Instant};
 
 use image::GrayImage;
 use multiscopic::{
-    Engine, FloatImage, Frames, Method, Metrics, Picture,
+    DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Picture,
     scene::RandomScene,
-    stereo::{Sweep, confidence_map, sweep},
+    stereo::{confidence_map, confidence_map::ConfidenceMap, dense_sweep, sweep},
 };
 use multiscopic_core::{Frame, Fusion, SearchConfig, SweepOffset, SweepParams, View, Views};
 use multiscopic_reference::split_mix::Random;
@@ -56,21 +56,22 @@ fn main() -> Result<()> {
             println!("{} {name}: {mean}", table.0.len());
         }
     }
-    cotton()
+    cotton(&engine)
 }
 
 /// The errors of a scene.
 #[derive(Clone, Copy)]
 struct Row {
-    sweep: Metrics,
-    sure: Sure,
+    sweep: Errors,
+    dense: Errors,
     block_matching: Metrics,
     net: Metrics,
 }
 
-/// The pixels with a confidence of 0.9 or more.
+/// The errors of a map, and those of its pixels with a confidence of 0.9 or more.
 #[derive(Clone, Copy)]
-struct Sure {
+struct Errors {
+    all: Metrics,
     share: f64,
     rms: f64,
     median: f64,
@@ -79,20 +80,17 @@ struct Sure {
 
 impl std::fmt::Display for Row {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Row { sweep, sure, block_matching, net } = self;
-        write!(f, "AvgErr {:.3}, Bad1 {:.2} %; sure {sure}; ", sweep.avg_err, sweep.bad_1)?;
-        write!(
-            f,
-            "five views: bm {:.3}, {:.2} %, net {:.3}, {:.2} %",
-            block_matching.avg_err, block_matching.bad_1, net.avg_err, net.bad_1
-        )
+        let Row { sweep, dense, block_matching, net } = self;
+        let five = [block_matching, net].map(|metrics| format!("{:.3}, {:.2} %", metrics.avg_err, metrics.bad_1));
+        write!(f, "filter {sweep}\n    dense {dense}\n    five views: bm {}; net {}", five[0], five[1])
     }
 }
 
-impl std::fmt::Display for Sure {
+impl std::fmt::Display for Errors {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Sure { share, rms, median, bad_1 } = self;
-        write!(f, "{:.1} % with RMS {rms:.3}, median {median:.3}, Bad1 {bad_1:.2} %", 100.0 * share)
+        let Errors { all, share, rms, median, bad_1 } = self;
+        write!(f, "{:.3}, {:.2} %; ", all.avg_err, all.bad_1)?;
+        write!(f, "sure {:.1} % with RMS {rms:.3}, median {median:.3}, Bad1 {bad_1:.2} %", 100.0 * share)
     }
 }
 
@@ -102,25 +100,29 @@ struct Table(Vec<Row>);
 impl Table {
     /// The means of the rows.
     fn mean(&self) -> Option<Row> {
-        let metrics = |of: fn(&Row) -> Metrics| Metrics::mean(&self.0.iter().map(of).collect::<Vec<_>>());
-        let mean = |of: fn(&Sure) -> f64| self.0.iter().map(|row| of(&row.sure)).sum::<f64>() / self.0.len() as f64;
+        let metrics = |of: &dyn Fn(&Row) -> Metrics| Metrics::mean(&self.0.iter().map(of).collect::<Vec<_>>());
+        let mean = |of: &dyn Fn(&Row) -> f64| self.0.iter().map(of).sum::<f64>() / self.0.len() as f64;
+        let errors = |of: fn(&Row) -> Errors| {
+            Some(Errors {
+                all: metrics(&|row| of(row).all)?,
+                share: mean(&|row| of(row).share),
+                rms: mean(&|row| of(row).rms),
+                median: mean(&|row| of(row).median),
+                bad_1: mean(&|row| of(row).bad_1),
+            })
+        };
         Some(Row {
-            sweep: metrics(|row| row.sweep)?,
-            sure: Sure {
-                share: mean(|sure| sure.share),
-                rms: mean(|sure| sure.rms),
-                median: mean(|sure| sure.median),
-                bad_1: mean(|sure| sure.bad_1),
-            },
-            block_matching: metrics(|row| row.block_matching)?,
-            net: metrics(|row| row.net)?,
+            sweep: errors(|row| row.sweep)?,
+            dense: errors(|row| row.dense)?,
+            block_matching: metrics(&|row| row.block_matching)?,
+            net: metrics(&|row| row.net)?,
         })
     }
 }
 
-fn sure(found: &Sweep, truth: &FloatImage) -> Sure {
+fn errors(map: &DisparityMap, confidences: &ConfidenceMap, truth: &FloatImage) -> Result<Errors> {
     let least = confidence_map::of_probability(confidence_map::SURE);
-    let pixels = found.disparities.pixels().iter().zip(found.confidences.pixels()).zip(truth.pixels());
+    let pixels = map.pixels().iter().zip(confidences.pixels()).zip(truth.pixels());
     let known = pixels.filter(|(_, truth)| truth.is_finite());
     let count = known.clone().count();
     let error = |((d, confidence), truth): ((&Option<_>, &u8), &f32)| {
@@ -129,12 +131,13 @@ fn sure(found: &Sweep, truth: &FloatImage) -> Sure {
     let mut errors: Vec<f64> = known.filter_map(error).collect();
     errors.sort_by(f64::total_cmp);
     let sure = errors.len().max(1) as f64;
-    Sure {
+    Ok(Errors {
+        all: Metrics::new(map, truth).ok_or("no truth")?,
         share: errors.len() as f64 / count as f64,
         rms: (errors.iter().map(|e| e * e).sum::<f64>() / sure).sqrt(),
         median: errors.get(errors.len() / 2).copied().unwrap_or_default(),
         bad_1: 100.0 * errors.iter().filter(|e| **e > 1.0).count() as f64 / sure,
-    }
+    })
 }
 
 /// A picture in grey, with noise.
@@ -174,6 +177,17 @@ fn scene(engine: &Engine, number: u64) -> Result<Row> {
     let offset = |step: i8| SweepOffset::from_bits(i32::from(step) * SweepOffset::STEPS / i32::from(STEPS)).expect("in range");
     let placed: Vec<_> = frames.iter().map(|(step, image)| (offset(*step), image)).collect();
     let found = sweep(&params, &center, &placed);
+    let ends = frames.iter().filter(|(step, _)| step.abs() == STEPS);
+    let ends = ends.fold(Frames::new(center.clone()), |set, (step, image)| set.with(side(*step), image.clone()));
+    let ends_search = SearchConfig { views: ends.views(), fusion: Fusion::default_for(2), ..search };
+    let dense = dense_sweep(
+        engine,
+        &Method::net(),
+        &ends,
+        &SweepParams::new(ends_search.checked()?, (16.0 * NOISE) as u16, 2)?,
+        &placed,
+        &(),
+    )?;
     let five = Views::CROSS
         .iter()
         .fold(Frames::new(center), |five, view| five.with(view, noisy(shot.frame(Frame::View(view)), &mut random)));
@@ -182,15 +196,20 @@ fn scene(engine: &Engine, number: u64) -> Result<Row> {
         Ok(Metrics::new(&map, &shot.truth).ok_or("no truth")?)
     };
     Ok(Row {
-        sweep: Metrics::new(&found.disparities, &shot.truth).ok_or("no truth")?,
-        sure: sure(&found, &shot.truth),
+        sweep: errors(&found.disparities, &found.confidences, &shot.truth)?,
+        dense: errors(&dense.disparities, &dense.confidences, &shot.truth)?,
         block_matching: metrics(Method::block_matching(11))?,
         net: metrics(Method::net())?,
     })
 }
 
+/// The neighbour at the end of the steps to this side.
+fn side(step: i8) -> View {
+    if step < 0 { View::LEFT } else { View::RIGHT }
+}
+
 /// The nine cameras of the centre row.
-fn cotton() -> Result<()> {
+fn cotton(engine: &Engine) -> Result<()> {
     let data = env::var_os("MULTISCOPIC_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     let folder = data.join("hci4d/cotton");
     if !folder.is_dir() {
@@ -218,8 +237,15 @@ fn cotton() -> Result<()> {
     let start = Instant::now();
     let found = sweep(&params, &center, &placed);
     let time = start.elapsed();
-    let metrics = Metrics::new(&found.disparities, &truth).ok_or("no truth")?;
-    println!("cotton, nine cameras: AvgErr {:.3}, Bad1 {:.2} %; sure {}", metrics.avg_err, metrics.bad_1, sure(&found, &truth));
+    println!("cotton, nine cameras: filter {}", errors(&found.disparities, &found.confidences, &truth)?);
+    let ends = frames.iter().filter(|(step, _)| step.abs() == 4);
+    let ends = ends.fold(Frames::new(center), |set, (step, image)| set.with(side(*step as i8), image.clone()));
+    let search = SearchConfig { views: ends.views(), fusion: Fusion::default_for(2), ..search };
+    let params = SweepParams::new(search.checked()?, 16, 2)?;
+    for (name, placed) in [("two", &placed[..0]), ("dense, nine", &placed)] {
+        let dense = dense_sweep(engine, &Method::net(), &ends, &params, placed, &())?;
+        println!("    {name} cameras: {}", errors(&dense.disparities, &dense.confidences, &truth)?);
+    }
     let each = time.as_secs_f64() / placed.len() as f64 / f64::from(width * height) * 640.0 * 480.0;
     println!("640x480, one thread: {:.1} frames a second", 1.0 / each);
     Ok(())

@@ -241,15 +241,28 @@ impl Method {
     /// # Errors
     /// As [`disparities`](Method::disparities).
     pub fn estimate(&self, engine: &Engine, frames: &Frames, search: &SearchSpace, progress: &dyn Progress) -> Result<Estimate> {
+        self.estimate_with(engine, frames, search, progress, |_, _| ())
+    }
+
+    /// [`estimate`](Method::estimate), with a `step` before the refinements by confidence, for what is known besides the views.
+    pub(super) fn estimate_with(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        search: &SearchSpace,
+        progress: &dyn Progress,
+        step: impl FnOnce(&mut DisparityMap, &mut ConfidenceMap),
+    ) -> Result<Estimate> {
         let mut evidence = Evidence::none(search);
-        let map = self.disparities_by_sets(engine, frames, search, Some(&mut evidence), progress)?;
-        let confidences = match self.confidence_table() {
+        let mut map = self.disparities_by_sets(engine, frames, search, Some(&mut evidence), progress)?;
+        let mut confidences = match self.confidence_table() {
             Some(table) => {
                 let table = confidence_map::with_share_beyond(table, self.share_beyond);
                 confidence_map::confidences(&map, &evidence.peaks, &table, engine)
             }
             None => confidence_map::where_valid(&map, evidence.peaks),
         };
+        step(&mut map, &mut confidences);
         let (disparities, confidences) =
             engine.install(|| self.refinement.by_confidence(map, confidences, frames, search.views()))?;
         Ok(Estimate { disparities, confidences, baselines: evidence.baselines })

@@ -17,7 +17,7 @@
 //! | [`deviation`] | their standard deviations |
 //! | [`BaselineRefinement`] | the refinement by views at longer baselines |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
-//! | [`fn@sweep`] | the filter over the frames of a camera that slides |
+//! | [`fn@sweep`], [`dense_sweep`] | the filter over the frames of a camera that slides, alone and beside a method |
 //! | [`CostFunction`] | the costs of semi-global matching, and their names |
 //! | [`Method`] | a [`Pipeline`] of these steps, and its [`Refinement`] |
 //! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
@@ -58,4 +58,4 @@ pub use cost_function::{CostFunction, CostName};
 pub use method::{Estimate, Method, Pipeline};
 pub use method_name::{MethodName, SemiGlobalMethod};
 pub use refinement::Refinement;
-pub use sweep::{Sweep, sweep};
+pub use sweep::{Sweep, dense_sweep, sweep};

@@ -8,8 +8,16 @@ use multiscopic_core::{
     SweepReport,
 };
 
-use super::confidence_map::ConfidenceMap;
-use crate::images::{DisparityMap, Raster};
+use super::{
+    Engine, Method,
+    confidence_map::{self, ConfidenceMap},
+    method::Estimate,
+};
+use crate::{
+    error,
+    images::{DisparityMap, Frames, Raster},
+    progress::Progress,
+};
 
 /// Disparities at the unit baseline, and what led to them.
 #[derive(Clone, Debug)]
@@ -66,6 +74,53 @@ pub fn sweep(params: &SweepParams, center: &GrayImage, frames: &[(SweepOffset, &
         infallible(lines.next_line(next, disparities, confidences));
     }
     Sweep { disparities, confidences, reports }
+}
+
+/// The difference up to which the filter confirms a disparity, in pixels of the unit baseline.
+const SAME: f32 = 0.5;
+
+/// Estimates the disparities of a sweep everywhere: by `method` from `frames`, the centre and the views at the unit baseline, and by
+/// the filter from all of the `swept`, in their order.
+///
+/// The filter is precise where there is texture, and the method, the network by default, knows better what lies beside an edge and
+/// on blank walls. So the mean of both counts where they agree, each weighted by its confidence, and the method's disparity
+/// elsewhere. Its confidence rises where both agree. The refinements of the method by confidence follow.
+///
+/// # Errors
+/// Those of [`Method::estimate`].
+///
+/// # Panics
+/// As [`fn@sweep`].
+pub fn dense_sweep(
+    engine: &Engine,
+    method: &Method,
+    frames: &Frames,
+    params: &SweepParams,
+    swept: &[(SweepOffset, &GrayImage)],
+    progress: &dyn Progress,
+) -> error::Result<Estimate> {
+    let center = frames.get(Frame::Center).expect("frames have a centre");
+    let Sweep { disparities: filtered, confidences: confirmed, .. } = sweep(params, center, swept);
+    method.estimate_with(engine, frames, params.search(), progress, |map, confidences| {
+        confirm((map, confidences), (&filtered, &confirmed));
+    })
+}
+
+/// Confirms disparities of a method by those of the filter.
+fn confirm((map, confidences): (&mut DisparityMap, &mut ConfidenceMap), (filtered, confirmed): (&DisparityMap, &ConfidenceMap)) {
+    let own = map.pixels_mut().iter_mut().zip(confidences.pixels_mut());
+    for ((disparity, sure), (other, other_sure)) in own.zip(filtered.pixels().iter().zip(confirmed.pixels())) {
+        let (Some(d), Some(other)) = (disparity.map(f32::from), other.map(f32::from)) else { continue };
+        if (d - other).abs() > SAME {
+            continue;
+        }
+        let [p, q] = [*sure, *other_sure].map(|sure| f64::from(sure) / 255.0);
+        let [own, weight] = [p, q].map(|p| p.powi(4) as f32);
+        let mean = if own + weight > 0.0 { (own * d + weight * other) / (own + weight) } else { d };
+        *disparity = Disparity::from_bits((mean * Disparity::STEPS as f32).round() as i16);
+        // Both err in the same places: the filter counts as half a witness.
+        *sure = confidence_map::of_probability(1.0 - (1.0 - p) * (1.0 - q).sqrt());
+    }
 }
 
 /// The result of what cannot fail here: memory is as large as asked for, and pictures have all their lines.

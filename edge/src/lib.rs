@@ -31,7 +31,7 @@
 //! | [`packet`] | the packets that carry disparities to a host |
 //! | `matching` | the computation of a pipeline and its memory: [`Matching`], [`Workspace`], [`Lengths`] |
 //! | [`profile`] | ready-made match sizes and their RAM budgets: [`Profile`] |
-//! | `pipeline` | matches the frames of a board and sends the disparities: [`Pipeline`] |
+//! | `pipeline` | matches the frames of a board and sends the disparities: [`Pipeline`], [`SweepPipeline`] |
 #![no_std]
 
 #[cfg(feature = "async")]
@@ -48,6 +48,6 @@ mod streams;
 pub use awaited_lines::{AsyncScanlineSource, AwaitedLineError, AwaitedLines};
 pub use board::{Board, Phase};
 pub use matching::{Lengths, Matching, WholeLines, Workspace, state_pointers};
-pub use pipeline::{Pipeline, PipelineError, RunError};
+pub use pipeline::{Pipeline, PipelineError, RunError, SweepPipeline};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};

@@ -1,8 +1,10 @@
 //! Matches the frames of a board and sends the disparities.
 
 mod pass;
+mod sweep;
 
 pub use pass::{PipelineError, RunError};
+pub use sweep::SweepPipeline;
 
 use multiscopic_core::{
     BlockMatchingParams, ConfidenceTable, Disparity, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region,

@@ -1,7 +1,7 @@
 //! Ready-made match sizes and their budgets of RAM and flash.
 
 use multiscopic_core::{
-    BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, View, Views,
+    BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, SweepParams, View, Views,
     network::NetworkParams, valid,
 };
 
@@ -94,6 +94,13 @@ const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
 
 /// The match of firmware that takes its own frames: a small frame and all four neighbours.
 pub const CAPTURE: BlockMatchingParams = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuristic);
+
+/// The sweep of a small frame, with noise of 4 grey values: 33 disparities at the unit baseline.
+pub const QQVGA_SWEEP: SweepParams =
+    match SweepParams::new(MatchSize { min_disparity: 0, ..MatchSize::new(160, 120, 33, 5) }.search(Fusion::Min), 16 * 4, 2) {
+        Ok(params) => params,
+        Err(_) => panic!("a parameter is out of range: see SweepParams::new"),
+    };
 
 /// Every profile.
 pub const ALL: [Profile; 12] = [

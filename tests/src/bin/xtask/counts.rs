@@ -34,6 +34,9 @@ pub const CYCLES: CountRecord = CountRecord { unit: "cycles", path: "tests/bench
 /// Instructions per pixel and bytes of the rectification.
 pub const RECTIFICATION: CountRecord = CountRecord { unit: "rectification", path: "tests/benches/rectification.json" };
 
+/// Instructions and cycles per pixel of each frame of a sweep, and the bytes of its stack.
+pub const SWEEP: CountRecord = CountRecord { unit: "sweep", path: "tests/benches/sweep.json" };
+
 impl CountRecord {
     /// Compares `counts` with the record, or writes them to it on `update`. Failures suggest `command` for that.
     pub fn hold(&self, counts: &Counts, update: bool, command: &str) -> Result<()> {

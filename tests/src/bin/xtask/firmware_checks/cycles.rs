@@ -44,9 +44,9 @@ pub struct Accounting {
 
 /// The cost of a run, or of a function in it.
 #[derive(Clone, Copy, Debug, Default)]
-struct Cost {
-    instructions: u64,
-    cycles: u64,
+pub struct Cost {
+    pub instructions: u64,
+    pub cycles: u64,
 }
 
 impl Accounting {
@@ -71,10 +71,13 @@ impl Accounting {
             for fusion in profiles::fusions(&profile) {
                 let run = format!("{}, {}, {}", board.name, profile.name, fusion.name());
                 let image = build::build(toolchain, board, &[Program::of(&profile, fusion)])?.pop().context("one image")?;
-                let functions = costs((processor, board), &profile, fusion, &image, &counter).context(run.clone())?;
+                let folder = system::edge_target().join("runs").join("cycles").join(board.name).join(profile.name);
+                let folder = folder.join(fusion.name());
+                ImageSet::demo(&profile.matching(fusion)).write(&folder)?;
+                let functions = traced(board, &image, &folder, &counter).context(run.clone())?;
                 let total: Cost = functions.values().copied().sum();
                 let evaluations = profile.matching(fusion).evaluations() as f64;
-                print(&run, total, &functions, evaluations);
+                print(&run, total, &functions, evaluations, "evaluation");
                 counts.insert(run, total.cycles as f64 / evaluations);
                 sum = [sum, total].into_iter().sum();
             }
@@ -104,21 +107,13 @@ impl std::iter::Sum for Cost {
     }
 }
 
-/// Runs `image`, which fuses by `fusion`, and returns the cost of each function.
-fn costs(
-    (processor, board): (Processor, &EmulatedBoard),
-    profile: &Profile,
-    fusion: Fusion,
-    image: &Path,
-    counter: &Counter,
-) -> Result<BTreeMap<String, Cost>> {
-    let folder = system::edge_target().join("runs").join("cycles").join(board.name).join(profile.name).join(fusion.name());
-    ImageSet::demo(&profile.matching(fusion)).write(&folder)?;
+/// Runs `image` in `folder`, and returns the cost of each function.
+pub fn traced(board: &EmulatedBoard, image: &Path, folder: &Path, counter: &Counter) -> Result<BTreeMap<String, Cost>> {
     let plugin = format!("{},{}", counter.plugin(image)?, counter::TRACE_ARGUMENT);
-    let exit = emulation::run(board, image, &[], &folder, Some(&plugin))?;
+    let exit = emulation::run(board, image, &[], folder, Some(&plugin))?;
     ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
-    let costs = priced(&counter::read_trace(&folder)?, &Disassembly::of(image, processor)?, processor)?;
-    let (traced, counted) = (costs.values().copied().sum::<Cost>().instructions, Instructions::read(&folder)?.pipeline());
+    let costs = priced(&counter::read_trace(folder)?, &Disassembly::of(image, board.processor)?, board.processor)?;
+    let (traced, counted) = (costs.values().copied().sum::<Cost>().instructions, Instructions::read(folder)?.pipeline());
     ensure!(traced == counted, "the blocks have {traced} instructions, the emulator counted {counted}");
     Ok(costs)
 }
@@ -140,13 +135,13 @@ fn priced(trace: &BlockTrace, disassembly: &Disassembly, processor: Processor) -
 }
 
 /// Prints the cost of a run and of its most expensive functions.
-fn print(run: &str, total: Cost, functions: &BTreeMap<String, Cost>, evaluations: f64) {
+pub fn print(run: &str, total: Cost, functions: &BTreeMap<String, Cost>, evaluations: f64, unit: &str) {
     let line = |cost: Cost, name: &str| {
         let [instructions, cycles] = [cost.instructions, cost.cycles].map(|count| count as f64 / evaluations);
         let name = name.rsplit_once("::h").map_or(name, |(name, _)| name);
         println!("{instructions:>9.3} {cycles:>9.3} {:>9.2}  {name}", cost.cycles_per_instruction());
     };
-    println!("cycles: {run}: instructions and cycles per evaluation, cycles per instruction");
+    println!("cycles: {run}: instructions and cycles per {unit}, cycles per instruction");
     line(total, "all");
     let mut functions: Vec<_> =
         functions.iter().filter(|(_, cost)| 100.0 * cost.cycles as f64 > SHARE * total.cycles as f64).collect();

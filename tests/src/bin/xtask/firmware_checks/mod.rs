@@ -10,6 +10,7 @@ pub mod price_fit;
 pub mod profiles;
 pub mod readme;
 pub mod rectifying;
+pub mod sweeping;
 
 use anyhow::{Context, Result, bail, ensure};
 use multiscopic_core::{BlockMatchingParams, Disparity, Frame, Fusion, View};

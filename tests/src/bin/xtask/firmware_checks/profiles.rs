@@ -24,7 +24,7 @@ use crate::{
     },
     firmware_checks::{
         frames::{self, ImageSet},
-        price_fit, rectifying,
+        price_fit, rectifying, sweeping,
     },
     system::{self, command, in_parallel, read},
     tools::Toolchain,
@@ -76,11 +76,15 @@ fn sampled(board: &EmulatedBoard, profile: &Profile) -> &'static [Fusion] {
     profiles.iter().find(|(sampled, _)| sampled.name == profile.name).map_or(&[], |(_, fusions)| fusions)
 }
 
+/// The fusion rule of examples.
+const EXAMPLE_FUSION: Fusion = rectifying::FUSION;
+
 /// The selection of runs; all by default.
 #[derive(Args, Default)]
 pub struct Selection {
-    /// Only this profile; qqvga-rectified is qqvga with frames in flash that are rectified
-    #[arg(long, value_parser = profile::ALL.iter().map(|profile| profile.name).chain([rectifying::NAME]).collect::<Vec<_>>())]
+    /// Only this profile; qqvga-rectified is qqvga with frames in flash that are rectified, and qqvga-sweep the filter over a
+    /// sweep's frames
+    #[arg(long, value_parser = profile::ALL.iter().map(|profile| profile.name).chain([rectifying::NAME, sweeping::NAME]).collect::<Vec<_>>())]
     profile: Option<String>,
     /// Only this fusion rule
     #[arg(long, value_parser = Fusion::ALL.map(Fusion::name))]
@@ -132,12 +136,11 @@ impl Selection {
             && !self.fusions(board, profile).is_empty()
     }
 
-    /// Returns true if the firmware that rectifies runs on a board: in the sample on one, since it does not depend on the kernel.
-    fn rectifies_on(&self, board: &EmulatedBoard) -> bool {
-        (!self.sample || board.name == emulated_board::REFERENCE.name)
-            && wanted(&self.board, board.name)
-            && wanted(&self.profile, rectifying::NAME)
-            && wanted(&self.fusion, rectifying::FUSION.name())
+    /// Those of `boards` on which an example runs: in the sample on the first, since it does not depend on the kernel.
+    fn of_example<const N: usize>(&self, name: &str, boards: [&'static EmulatedBoard; N]) -> Vec<&'static EmulatedBoard> {
+        let is_chosen = wanted(&self.profile, name) && wanted(&self.fusion, EXAMPLE_FUSION.name());
+        let boards = boards.into_iter().take(if self.sample { 1 } else { N });
+        boards.filter(|board| is_chosen && wanted(&self.board, board.name)).collect()
     }
 }
 
@@ -184,14 +187,23 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     if selection.fit {
         return fit(selection);
     }
-    if selection.profile.as_deref() != Some(rectifying::NAME) {
-        run_profiles(toolchain, selection)?;
+    let rectifying_boards = [&emulated_board::REFERENCE, &emulated_board::PICO, &emulated_board::VECTORS];
+    let rectifying_boards = selection.of_example(rectifying::NAME, rectifying_boards);
+    let sweeping_boards = [&emulated_board::M7, &emulated_board::REFERENCE, &emulated_board::VECTORS];
+    let sweeping_boards = selection.of_example(sweeping::NAME, sweeping_boards);
+    match selection.profile.as_deref() {
+        Some(name @ (rectifying::NAME | sweeping::NAME)) => {
+            ensure!(
+                !(rectifying_boards.is_empty() && sweeping_boards.is_empty()),
+                "{name} does not run on this board, or not so"
+            );
+        }
+        _ => run_profiles(toolchain, selection)?,
     }
-    let boards = [&emulated_board::REFERENCE, &emulated_board::PICO, &emulated_board::VECTORS];
-    let boards: Vec<_> = boards.into_iter().filter(|board| selection.rectifies_on(board)).collect();
-    let is_chosen = selection.profile.as_deref() == Some(rectifying::NAME);
-    ensure!(!(is_chosen && boards.is_empty()), "{} runs on nrf52840, rp2350 and an547, with min", rectifying::NAME);
-    if boards.is_empty() { Ok(()) } else { rectifying::run(toolchain, &boards, selection.update) }
+    if !rectifying_boards.is_empty() {
+        rectifying::run(toolchain, &rectifying_boards, selection.update)?;
+    }
+    if sweeping_boards.is_empty() { Ok(()) } else { sweeping::run(toolchain, &sweeping_boards, selection.update) }
 }
 
 fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {

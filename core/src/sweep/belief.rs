@@ -107,6 +107,7 @@ impl<'m> Beliefs<'m> {
     }
 
     /// Goes to the next line, and along it to the right. `state` and `gray` have a value for each column.
+    #[inline(always)]
     pub fn begin_line(&mut self, state: &[[u32; 2]], gray: &[u8]) {
         let (mut message, mut before) = (Belief::default(), None);
         for ((left, &words), &gray) in self.left.iter_mut().zip(state).zip(gray) {

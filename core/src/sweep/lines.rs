@@ -4,9 +4,11 @@ use super::params::SweepParams;
 use crate::infallible;
 
 /// The columns before the first of a line, and after the last: blocks need not ask for borders.
-pub const PAD: usize = 4;
+pub const PAD: usize = 8;
+/// True for processors with vectors, which compute many pixels as fast as few.
+pub const HAS_VECTORS: bool = cfg!(not(target_os = "none")) || cfg!(multiscopic_mve);
 /// The pixels that are computed together.
-pub const LANES: usize = 16;
+pub const LANES: usize = if HAS_VECTORS { 8 } else { 1 };
 /// The residual of a pixel whose match lies outside the frame.
 pub const INVISIBLE: i16 = i16::MIN;
 
@@ -70,7 +72,7 @@ impl<'m> SweepLines<'m> {
     }
 
     const fn stride(params: &SweepParams) -> usize {
-        params.search().width().next_multiple_of(LANES) + 2 * PAD
+        params.search().width().next_multiple_of(8) + 2 * PAD
     }
 
     /// No lines yet. `memory` has the [`bytes`](SweepLines::bytes).

@@ -23,7 +23,10 @@ use self::{
     lines::{PAD, SweepLines},
     pass::{FramePass, Scales},
 };
-use crate::{Disparity, Frame, MatchError, MemoryTooSmall, ScanlineSource, infallible};
+use crate::{
+    Disparity, Frame, MatchError, MemoryTooSmall, ScanlineSource, infallible,
+    kernel::{Isa, Native, Work},
+};
 
 pub use params::{SweepOffset, SweepParams, SweepParamsError};
 pub use pixel::SweepPixel;
@@ -46,10 +49,10 @@ pub use report::SweepReport;
 /// - **Belief.** Messages go along each line from both ends, and down the columns. A message takes up the state of each pixel it
 ///   meets, weighed by information, and keeps little of its own across an edge of the picture. The belief in a pixel is the
 ///   mean of its state, of the three messages and of the middle of the range.
-/// - **Hypotheses.** If a message or the state differs from the belief by a quarter of a pixel, and by an eighth of a pixel in
-///   this frame, the one whose block fits the frame best is believed in. A pixel without measurements also tries whole pixels
+/// - **Hypotheses.** If a message or the state differs from the belief by a quarter of a pixel, also in this frame, the one whose
+///   block fits the frame best, by every second of its lines, is believed in. A pixel without measurements also tries whole pixels
 ///   around its belief, up to two standard deviations. The state of a pixel that changes is nearly without information.
-/// - **Measurement.** The pixels of a block count by their likeness to its middle, and if the frame sees them within half a
+/// - **Measurement.** The pixels of a block, every second as on a chessboard, count by their likeness to its middle, and if the frame sees them within half a
 ///   pixel of it. Steps are at most a pixel of the frame. The texture that noise has is taken off before the information
 ///   is computed.
 /// - **Sides.** If the rest of the block's difference is more than half again that of noise, the frame disagrees, as it does
@@ -103,7 +106,8 @@ pub use report::SweepReport;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct SweepFilter<'m> {
+pub struct SweepFilter<'m, I = Native> {
+    isa: I,
     params: SweepParams,
     state: &'m mut [[u32; 2]],
     lines: &'m mut [u32],
@@ -116,10 +120,20 @@ impl<'m> SweepFilter<'m> {
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn new(params: &SweepParams, memory: &'m mut [u32]) -> Result<SweepFilter<'m>, MemoryTooSmall> {
+        SweepFilter::with_isa(Native::default(), params, memory)
+    }
+}
+
+impl<'m, I: Isa> SweepFilter<'m, I> {
+    /// [`new`](SweepFilter::new), compiled for an instruction set of one's own choice.
+    ///
+    /// # Errors
+    /// [`MemoryTooSmall`].
+    pub fn with_isa(isa: I, params: &SweepParams, memory: &'m mut [u32]) -> Result<SweepFilter<'m, I>, MemoryTooSmall> {
         let too_small = MemoryTooSmall { needed: params.memory_words(), given: memory.len() };
         let memory = memory.get_mut(..params.memory_words()).ok_or(too_small)?;
         let (state, lines) = memory.split_at_mut_checked(params.state_words()).ok_or(too_small)?;
-        let mut filter = SweepFilter { params: *params, state: infallible::cast_mut(state), lines };
+        let mut filter = SweepFilter { isa, params: *params, state: infallible::cast_mut(state), lines };
         filter.forget();
         Ok(filter)
     }
@@ -165,11 +179,8 @@ impl<'m> SweepFilter<'m> {
                     frame.read_line(Frame::Center, next, pixels(pass.lines.view.row_mut(next), width))?;
                     next += 1;
                 }
-                pass.equations(y, line(self.state, width, y));
             }
-            if let Some(v) = y.checked_sub(radius) {
-                pass.measure(v, line(self.state, width, v));
-            }
+            self.isa.compiled(PassLine { pass: &mut pass, y, state: self.state });
         }
         Ok(pass.report)
     }
@@ -194,6 +205,27 @@ impl<'m> SweepFilter<'m> {
             gray,
             above: above.get_mut(..width).unwrap_or_default(),
             next: 0,
+        }
+    }
+}
+
+/// A step of a pass: the equations of line `y`, if there is one, and the measurement of the line a radius above it.
+struct PassLine<'a, 'p, 'm> {
+    pass: &'a mut FramePass<'p, 'm>,
+    y: usize,
+    state: &'a mut [[u32; 2]],
+}
+
+impl Work for PassLine<'_, '_, '_> {
+    #[inline(always)]
+    fn run(self) {
+        let PassLine { pass, y, state } = self;
+        let search = pass.params.search();
+        if y < search.height() {
+            pass.equations(y, line(state, search.width(), y));
+        }
+        if let Some(v) = y.checked_sub(pass.params.radius()) {
+            pass.measure(v, line(state, search.width(), v));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Refines the disparities of the sweep `QQVGA_SWEEP` with 32 frames, and sends them with each as packets.
+//! Refines the disparities of the sweep `QQVGA_SWEEP` with 32 frames, and sends them after each pair of both sides as packets.
 //!
 //! The frames are files: `center.gray`, and those of the steps to both sides, nearest first, such as `right.gray` and `-16,0.gray`.
 //! Sixteen steps are the unit baseline. `cargo xtask edge --profile qqvga-sweep` renders them, and compares the packets with the
@@ -39,6 +39,9 @@ mod image {
             let mut frame = open(Frame::View(view));
             if let Err(error) = pipeline.refine::<Semihosted>(offset, &mut center, &mut frame) {
                 fail(error);
+            }
+            if step > 0 {
+                continue;
             }
             let sent = pipeline.send::<Semihosted>(&mut center, &mut output);
             let mut sender = sent.unwrap_or_else(|error| fail(error));

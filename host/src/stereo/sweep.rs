@@ -5,11 +5,11 @@ use std::convert::Infallible;
 use image::GrayImage;
 use multiscopic_core::{
     ConfidenceLines, ConfidenceTable, Disparity, Frame, MatchError, ScanlineSource, SweepFilter, SweepOffset, SweepParams,
-    SweepReport,
+    SweepReport, kernel::Kernel,
 };
 
 use super::{
-    Engine, Method,
+    Engine, Method, Simd, Task,
     confidence_map::{self, ConfidenceMap},
     method::Estimate,
 };
@@ -57,23 +57,42 @@ pub fn sweep(params: &SweepParams, center: &GrayImage, frames: &[(SweepOffset, &
     for (picture, name) in frames.iter().map(|(_, image)| (*image, "frame")).chain([(center, "centre")]) {
         assert_eq!(picture.dimensions(), (width as u32, height as u32), "the size of a {name}");
     }
-    let mut memory = vec![0; params.memory_words()];
-    let mut filter = infallible(SweepFilter::new(params, &mut memory));
-    let refine =
-        |(offset, image): &(SweepOffset, &GrayImage)| infallible(filter.refine(*offset, &mut Lines(center), &mut Lines(image)));
-    let reports = frames.iter().map(refine).collect();
-    let mut lines_memory = vec![0; ConfidenceLines::memory_words(width)];
-    let mut lines = infallible(ConfidenceLines::new(params.search(), &ConfidenceTable::SWEEP, &mut lines_memory));
-    let mut disparities: Raster<Option<Disparity>> = Raster::filled(width, height, None);
-    let mut confidences = Raster::filled(width, height, 0);
-    let (mut reader, mut source) = (filter.reader(), Lines(center));
-    for (disparities, confidences) in disparities.rows_mut().zip(confidences.rows_mut()) {
-        let next = |disparities: &mut [Option<Disparity>], evidence: &mut [u8]| -> Result<_, MatchError<Infallible>> {
-            reader.next_line_and_evidence(&mut source, disparities, evidence)
+    let simd = Simd::available().into_iter().next().unwrap_or(Simd::BASELINE);
+    simd.run(Sliding { params, center, frames })
+}
+
+/// A sweep with an instruction set.
+struct Sliding<'a> {
+    params: &'a SweepParams,
+    center: &'a GrayImage,
+    frames: &'a [(SweepOffset, &'a GrayImage)],
+}
+
+impl Task for Sliding<'_> {
+    type Output = Sweep;
+
+    fn run<I: Kernel>(self, isa: I) -> Sweep {
+        let Sliding { params, center, frames } = self;
+        let (width, height) = (params.search().width(), params.search().height());
+        let mut memory = vec![0; params.memory_words()];
+        let mut filter = infallible(SweepFilter::with_isa(isa, params, &mut memory));
+        let refine = |(offset, image): &(SweepOffset, &GrayImage)| {
+            infallible(filter.refine(*offset, &mut Lines(center), &mut Lines(image)))
         };
-        infallible(lines.next_line(next, disparities, confidences));
+        let reports = frames.iter().map(refine).collect();
+        let mut lines_memory = vec![0; ConfidenceLines::memory_words(width)];
+        let mut lines = infallible(ConfidenceLines::with_isa(isa, params.search(), &ConfidenceTable::SWEEP, &mut lines_memory));
+        let mut disparities: Raster<Option<Disparity>> = Raster::filled(width, height, None);
+        let mut confidences = Raster::filled(width, height, 0);
+        let (mut reader, mut source) = (filter.reader(), Lines(center));
+        for (disparities, confidences) in disparities.rows_mut().zip(confidences.rows_mut()) {
+            let next = |disparities: &mut [Option<Disparity>], evidence: &mut [u8]| -> Result<_, MatchError<Infallible>> {
+                reader.next_line_and_evidence(&mut source, disparities, evidence)
+            };
+            infallible(lines.next_line(next, disparities, confidences));
+        }
+        Sweep { disparities, confidences, reports }
     }
-    Sweep { disparities, confidences, reports }
 }
 
 /// The difference up to which the filter confirms a disparity, in pixels of the unit baseline.

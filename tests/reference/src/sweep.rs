@@ -203,7 +203,7 @@ impl Sweep<'_> {
         let shift = Sweep::shift(disparity, offset);
         self.residual(middle, shift, frame)?;
         let (mut sum, mut weights) = (0, 0);
-        for other in self.block(middle) {
+        for other in self.block(middle).into_iter().filter(|other| (other.1 - middle.1) % 2 == 0) {
             if let Some(residual) = self.residual(other, shift, frame) {
                 let weight = self.likeness(self.gray(middle.0, middle.1), self.gray(other.0, other.1), 10_923);
                 sum += weight * residual * residual;
@@ -220,7 +220,7 @@ impl Sweep<'_> {
         let own = (state.disparity, state.information);
         for (disparity, information) in posterior.messages.into_iter().chain([own]) {
             let apart = (Sweep::shift(disparity, offset) - Sweep::shift(believed, offset)).abs();
-            if information > 0 && apart >= 32 && (disparity - believed).abs() >= 1024 {
+            if information > 0 && apart >= 64 && (disparity - believed).abs() >= 1024 {
                 candidates.push(disparity);
             }
         }
@@ -262,7 +262,8 @@ impl Sweep<'_> {
             return;
         }
         let [mut pull, mut square, mut energy, mut weights] = [0; 4];
-        for other in self.block(middle) {
+        let chessboard = |other: &(i64, i64)| (other.0 - middle.0 + other.1 - middle.1) % 2 == 0;
+        for other in self.block(middle).into_iter().filter(chessboard) {
             let apart = shift_of(middle) - shift_of(other);
             let Some(residual) = self.residual(other, shift_of(other), frame).filter(|_| apart.abs() <= 128) else { continue };
             let weight = self.likeness(self.gray(middle.0, middle.1), self.gray(other.0, other.1), 8192);
@@ -297,7 +298,7 @@ impl Sweep<'_> {
         let noise = energy.max(self.noise_energy() * weights);
         let cut = excess(noise, 16);
         let ratio = scaled((textured >> cut).min((1 << 22) - 1), 10, noise >> cut);
-        let block = (2 * self.radius + 1).pow(2);
+        let block = ((2 * self.radius + 1).pow(2) + 1) / 2;
         let of_weight = ((ratio * weights * (65_536 / (16 * block))) >> 16).min(u32::MAX.into());
         let information = ((i128::from(of_weight) * i128::from(offset * offset)) >> 22).min((1 << 24) - 1) as i64;
         let step = -pull.signum() * size * 65_536 / offset;

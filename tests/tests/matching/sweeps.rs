@@ -2,7 +2,10 @@
 
 use std::convert::Infallible;
 
-use multiscopic_core::{Frame, ScanlineSource, SearchConfig, SweepFilter, SweepOffset, SweepParams, SweepPixel, SweepReport};
+use multiscopic::stereo::{Simd, Task};
+use multiscopic_core::{
+    Frame, ScanlineSource, SearchConfig, SweepFilter, SweepOffset, SweepParams, SweepPixel, SweepReport, kernel::Kernel,
+};
 use multiscopic_reference::{State, Sweep, split_mix::Random};
 use multiscopic_tests::test_images::case::property;
 use proptest::prelude::*;
@@ -110,6 +113,14 @@ fn state(pixel: SweepPixel) -> State {
     }
 }
 
+/// What the reference has after a frame: the states, the counts and what is read.
+struct Expected {
+    states: Vec<State>,
+    report: SweepReport,
+    read: Vec<(Option<i64>, u8)>,
+}
+
+/// Compares the filter with the reference after each frame, with each set of instructions.
 fn check(case: &Case) {
     let center = picture(case, 0, 0);
     let reference = Sweep {
@@ -120,39 +131,60 @@ fn check(case: &Case) {
         noise: case.noise.into(),
         radius: case.radius.into(),
     };
-    let params = SweepParams::new(search(case).checked().expect("a search"), case.noise, case.radius).expect("parameters");
-    // Memory may have any content.
-    let mut random = Random(case.seed);
-    let mut memory: Vec<u32> = (0..params.memory_words()).map(|_| random.bits() as u32).collect();
-    let mut filter = SweepFilter::new(&params, &mut memory).expect("enough memory");
-    let mut expected = reference.start();
-    for (number, &offset) in (1..).zip(&case.offsets) {
+    let mut states = reference.start();
+    let frames = (1..).zip(&case.offsets).map(|(number, &offset)| {
         let frame = picture(case, offset, number);
-        let [refined, hidden, changed] = reference.refine(&mut expected, offset.into(), &frame);
-        let place = SweepOffset::from_bits(offset).expect("an offset");
-        let found = filter.refine(place, &mut Picture::new(&center), &mut Picture::new(&frame)).expect("infallible");
-        let pixels = (0..case.height).flat_map(|v| (0..case.width).map(move |u| (u, v)));
-        for ((u, v), expected) in pixels.zip(&expected) {
-            let found = filter.pixel(u, v).map(state);
-            assert_eq!(found.as_ref(), Some(expected), "({u}, {v}) after frame {number} at {offset}");
+        let [refined, hidden, changed] = reference.refine(&mut states, offset.into(), &frame);
+        let read = reference.read(&states).into_iter().map(|(d, evidence)| (Some(d), evidence)).collect();
+        (offset, frame, Expected { states: states.clone(), report: SweepReport { refined, hidden, changed }, read })
+    });
+    let frames: Vec<_> = frames.collect();
+    for simd in Simd::available() {
+        simd.run(Comparison { case, center: &center, frames: &frames });
+    }
+}
+
+struct Comparison<'a> {
+    case: &'a Case,
+    center: &'a [u8],
+    frames: &'a [(i32, Vec<u8>, Expected)],
+}
+
+impl Task for Comparison<'_> {
+    type Output = ();
+
+    fn run<I: Kernel>(self, isa: I) {
+        let Comparison { case, center, frames } = self;
+        let params = SweepParams::new(search(case).checked().expect("a search"), case.noise, case.radius).expect("parameters");
+        // Memory may have any content.
+        let mut random = Random(case.seed);
+        let mut memory: Vec<u32> = (0..params.memory_words()).map(|_| random.bits() as u32).collect();
+        let mut filter = SweepFilter::with_isa(isa, &params, &mut memory).expect("enough memory");
+        for (offset, frame, expected) in frames {
+            let place = SweepOffset::from_bits(*offset).expect("an offset");
+            let found = filter.refine(place, &mut Picture::new(center), &mut Picture::new(frame)).expect("infallible");
+            let pixels = (0..case.height).flat_map(|v| (0..case.width).map(move |u| (u, v)));
+            for ((u, v), expected) in pixels.zip(&expected.states) {
+                let found = filter.pixel(u, v).map(state);
+                assert_eq!(found.as_ref(), Some(expected), "({u}, {v}) after the frame at {offset}, {isa:?}");
+            }
+            assert_eq!(found, expected.report, "the frame at {offset}, {isa:?}");
+            // A reader in between changes nothing.
+            let (mut reader, mut source) = (filter.reader(), Picture::new(center));
+            let (mut disparities, mut evidence) = (vec![None; case.width], vec![0; case.width]);
+            let mut lines = Vec::new();
+            while reader.next_line_and_evidence(&mut source, &mut disparities, &mut evidence).expect("infallible").is_some() {
+                let bits = disparities.iter().map(|d| d.map(|d| i64::from(d.to_bits())));
+                lines.extend(bits.zip(evidence.iter().copied()));
+            }
+            assert_eq!(lines, expected.read, "read after the frame at {offset}, {isa:?}");
         }
-        assert_eq!(found, SweepReport { refined, hidden, changed }, "frame {number} at {offset}");
-        // A reader in between changes nothing.
-        let (mut reader, mut source) = (filter.reader(), Picture::new(&center));
-        let (mut disparities, mut evidence) = (vec![None; case.width], vec![0; case.width]);
-        let mut lines = Vec::new();
-        while reader.next_line_and_evidence(&mut source, &mut disparities, &mut evidence).expect("infallible").is_some() {
-            let bits = disparities.iter().map(|d| d.map(|d| i64::from(d.to_bits())));
-            lines.extend(bits.zip(evidence.iter().copied()));
-        }
-        let read: Vec<_> = reference.read(&expected).into_iter().map(|(d, evidence)| (Some(d), evidence)).collect();
-        assert_eq!(lines, read, "read after frame {number} at {offset}");
     }
 }
 
 #[test]
 fn the_filter_equals_the_reference() {
-    property(400, cases(), check);
+    property(200, cases(), check);
 }
 
 /// A state that both sides deny is forgotten, and a pixel says so.
@@ -234,7 +266,7 @@ fn errors(frames: impl IntoIterator<Item = (i32, i32)>) -> [f64; 2] {
 /// Most pixels are right, and exact. The waves of the picture repeat, which deceives some.
 fn assert_sane(frames: impl IntoIterator<Item = (i32, i32)>, most_wrong: f64, what: &str) {
     let [median, wrong] = errors(frames);
-    assert!(median < 0.05 && wrong < most_wrong, "{what}: median {median} px, wrong {wrong}");
+    assert!(median < 0.07 && wrong < most_wrong, "{what}: median {median} px, wrong {wrong}");
 }
 
 #[test]

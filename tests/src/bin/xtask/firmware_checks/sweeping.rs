@@ -101,6 +101,9 @@ fn packets(pictures: &[(Frame, Vec<u8>)]) -> Result<Vec<u8>> {
         let bits = i32::from(view.right()) * SweepOffset::STEPS / i32::from(STEPS);
         let offset = SweepOffset::from_bits(bits).context("an offset out of range")?;
         pipeline.refine::<Host>(offset, &mut center, &mut Stored(pixels.clone()))?;
+        if view.right() > 0 {
+            continue;
+        }
         let end = pipeline.send::<Host>(&mut center, &mut output)?.end(None)?.to_vec();
         output.extend(end);
     }

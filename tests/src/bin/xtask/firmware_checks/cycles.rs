@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use multiscopic::target::MEASURED;
+use multiscopic::{Processor, target::MEASURED};
 use multiscopic_core::Fusion;
 use multiscopic_edge::{Profile, profile};
 use std::{collections::BTreeMap, env, fs, path::Path};

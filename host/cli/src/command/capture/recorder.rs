@@ -258,6 +258,7 @@ impl Recorder {
             mount_rotation_deg: self.mount.map(|mount| mount.split_roll().1.rotation_deg),
             hand_eye: self.hand_eye.map(|_| HandEye::FILE_NAME.into()),
             mount_roll_deg: self.mount.map(|mount| mount.split_roll().0.to_degrees()),
+            sweep: Vec::new(),
             images: FrameFiles::of_capture(frames.views()),
             alignment: None,
             poses: BTreeMap::new(),

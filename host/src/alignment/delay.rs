@@ -3,8 +3,9 @@
 //!
 //! ```text
 //! for some frames of the way there, while the speed is constant:
-//!     the frame of the way back that is most like it, and those before and after that
-//!     for each corner of the frame, found in the outer two: the share of the way between them at which it would be in place
+//!     the frame of the way back that is most like it
+//!     farther ones on both sides of it, until most corners have moved enough between them
+//!     for each corner of the frame, found in these two: the share of the way between them at which it would be in place
 //!     delay of the corner = that at which the tracks of both ways put the frame there
 //! delay = the least squares of all corners over a line in their rows, without those that are off: its slope is the rolling shutter's
 //! ```
@@ -22,8 +23,10 @@ const COMPARED: usize = 12;
 const CORNERS: usize = 200;
 /// The pixels by which corners are searched along the rows.
 const REACH: i16 = 24;
-/// The least motion of a corner between the two frames around it, in pixels.
-const MIN_MOTION: f64 = 1.0;
+/// The least motion of a corner between the two frames around it, in pixels, and that which most corners should have.
+const MIN_MOTION: (f64, f64) = (1.0, 5.0);
+/// The most frames that these two are away from the middle.
+const FARTHEST: usize = 8;
 /// The longest delay, in seconds, in either direction.
 const LONGEST_S: f64 = 1.0;
 /// The least number of frames that must tell the delay, and of corners in each.
@@ -93,20 +96,30 @@ fn told(n: usize, there: Way<'_>, back: Way<'_>, smaller: &[Vec<u8>]) -> Vec<Tol
     let own = sampled(image);
     let difference = |other: &Vec<u8>| own.iter().zip(other).map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>();
     let Some(nearest) = (0..smaller.len()).min_by_key(|&k| difference(&smaller[k])) else { return Vec::new() };
-    let (Some(before), true) = (nearest.checked_sub(1), nearest + 1 < smaller.len()) else { return Vec::new() };
-    let outer = [before, nearest + 1].map(|k| &back.frames[k]);
     let (places, range) = (corners(image, CORNERS, RADIUS + 1), -REACH..=REACH);
     let pyramid = Pyramid::new(image);
-    let found = outer.map(|(_, other)| find([(image, &pyramid), (other, &Pyramid::new(other))], &places, View::RIGHT, &range));
-    let motions = places.iter().zip(found[0].iter().zip(&found[1])).filter_map(|(corner, (a, b))| {
-        let [a, b] = [(*a)?, (*b)?].map(|found| found.at[0] - corner[0] as f64);
-        let motion = a - b;
-        (motion.abs() >= MIN_MOTION).then(|| (corner[1] as f64, a / motion, motion))
-    });
-    let motions: Vec<(f64, f64, f64)> = motions.collect();
-    if motions.len() < LEAST.1 {
-        return Vec::new();
+    let mut around = None;
+    let mut away = 1;
+    while away <= FARTHEST && away <= nearest && nearest + away < smaller.len() {
+        let outer = [nearest - away, nearest + away].map(|k| &back.frames[k]);
+        let found =
+            outer.map(|(_, other)| find([(image, &pyramid), (other, &Pyramid::new(other))], &places, View::RIGHT, &range));
+        let motions = places.iter().zip(found[0].iter().zip(&found[1])).filter_map(|(corner, (a, b))| {
+            let [a, b] = [(*a)?, (*b)?].map(|found| found.at[0] - corner[0] as f64);
+            let motion = a - b;
+            (motion.abs() >= MIN_MOTION.0).then(|| (corner[1] as f64, a / motion, motion))
+        });
+        let motions: Vec<(f64, f64, f64)> = motions.collect();
+        let has_moved = median(motions.iter().map(|(_, _, motion)| motion.abs()).collect()) >= MIN_MOTION.1;
+        if motions.len() >= LEAST.1 {
+            around = Some((outer, motions));
+        }
+        if has_moved {
+            break;
+        }
+        away *= 2;
     }
+    let Some((outer, motions)) = around else { return Vec::new() };
     let middle = (f64::from(image.height()) - 1.0) / 2.0;
     let delay = |(row, share, motion): (f64, f64, f64)| {
         // Positive where the delay is too small.

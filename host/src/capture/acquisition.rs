@@ -247,9 +247,7 @@ impl<C: BlockingCamera + 'static> Camera for ThreadedCamera<C> {
             let _ = opened_sender.send(Ok(()));
             while let Ok(request) = requested.recv() {
                 let _ = picture_sender.send(match request {
-                    Request::Take => {
-                        camera.take(timeout, &cancelled).map(|picture| Arrival { picture, at: Instant::now() })
-                    }
+                    Request::Take => camera.take(timeout, &cancelled).map(|picture| Arrival { picture, at: Instant::now() }),
                     Request::Next => camera.next(timeout, &cancelled),
                 });
             }

@@ -123,7 +123,12 @@ impl Imperfections {
             ("stage.skew_deg", stage.skew_deg, angle(&stage.skew_deg), &angles),
             ("stage.backlash_mm", stage.backlash_mm, length(&stage.backlash_mm), &lengths),
             ("stage.repeatability_mm", stage.repeatability_mm, length(&stage.repeatability_mm), &lengths),
-            ("camera.frames_per_s", camera.frames_per_s, (0.1..=1000.0).contains(&camera.frames_per_s), &"0.1 to 1000".to_owned()),
+            (
+                "camera.frames_per_s",
+                camera.frames_per_s,
+                (0.1..=1000.0).contains(&camera.frames_per_s),
+                &"0.1 to 1000".to_owned(),
+            ),
             ("camera.delay_ms", camera.delay_ms, time(camera.delay_ms), &times),
             ("camera.jitter_ms", camera.jitter_ms, time(camera.jitter_ms), &times),
             ("camera.exposure_ms", camera.exposure_ms, time(camera.exposure_ms), &times),

@@ -7,13 +7,14 @@ use std::{
         Arc,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use super::{
     acquisition::BlockingCamera,
     imperfections::{CameraTiming, Imperfections},
     stage::{SimulatedPlace, StagePose},
+    sweep::Arrival,
 };
 use crate::{
     images::Picture,
@@ -94,6 +95,12 @@ impl BlockingCamera for SimulatedCamera {
     fn take(&mut self, _: Duration, _: &AtomicBool) -> Result<Picture, Infallible> {
         let place = self.place.get();
         Ok(self.moving(|_| vec![place]))
+    }
+
+    /// It exposes at the time of the call, and renders afterwards.
+    fn next(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Arrival, Infallible> {
+        let at = Instant::now();
+        self.take(timeout, is_cancelled).map(|picture| Arrival { picture, at })
     }
 }
 

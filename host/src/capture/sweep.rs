@@ -33,6 +33,14 @@ pub trait FreeCamera {
     /// The camera has failed.
     fn arrived(&mut self) -> Result<Option<Arrival>, Self::Error>;
 
+    /// Drops the next frame, once it has arrived, and returns true then.
+    ///
+    /// # Errors
+    /// Those of [`arrived`](FreeCamera::arrived).
+    fn skip(&mut self) -> Result<bool, Self::Error> {
+        self.arrived().map(|arrival| arrival.is_some())
+    }
+
     /// Ends to run.
     fn end(&mut self);
 }
@@ -179,16 +187,16 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
         let camera = |error| CaptureError::Camera { index: 0, error };
         self.camera.begin().map_err(camera)?;
         self.say("capturing the centre frame");
-        let mut at_rest = self.travel(0)?;
+        let mut at_rest = self.travel(0, true)?;
         let (_, center) = at_rest.frames.pop().expect("a way lasts until there is a frame");
         self.say("moving to the left end");
-        self.travel(-half_um)?;
+        self.travel(-half_um, false)?;
         self.say("sweeping to the right");
-        let there = self.travel(half_um)?;
+        let there = self.travel(half_um, true)?;
         self.say("sweeping back");
-        let back = self.travel(-half_um)?;
+        let back = self.travel(-half_um, true)?;
         self.say("returning to the centre");
-        let failure = if self.policy.return_to_center { self.travel(0).err() } else { None };
+        let failure = if self.policy.return_to_center { self.travel(0, false).err() } else { None };
         if failure.is_some() {
             // There is a failure to report already.
             let _ = self.stage.stop();
@@ -205,12 +213,12 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
         at.saturating_duration_since(self.start).as_secs_f64()
     }
 
-    /// Moves to a place, and takes frames until the stage has stood there for a while and there is one.
-    fn travel(&mut self, x_um: i32) -> Result<SweepPass, Failure<S, C>> {
+    /// Moves to a place until the stage has stood there for a while, and keeps the frames or drops them: at least one.
+    fn travel(&mut self, x_um: i32, is_kept: bool) -> Result<SweepPass, Failure<S, C>> {
         self.stage.move_to(Position { x_um, y_um: 0 }).map_err(CaptureError::Stage)?;
         let mut pass = SweepPass::default();
         let (begun, mut arrived) = (self.clock.now(), None);
-        let mut last_frame = begun;
+        let (mut count, mut last_frame) = (0, begun);
         loop {
             if self.interrupts.load(Ordering::Relaxed) != self.handled {
                 return Err(CaptureError::Aborted);
@@ -221,22 +229,25 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
             if let Some(Position { x_um, .. }) = place {
                 pass.track.add(self.seconds(before + (now - before) / 2), f64::from(x_um) / 1000.0);
             }
-            let index = pass.frames.len();
-            while let Some(Arrival { picture, at }) =
-                self.camera.arrived().map_err(|error| CaptureError::Camera { index, error })?
-            {
-                last_frame = now;
-                pass.frames.push((self.seconds(at), picture));
+            let failed = |error| CaptureError::Camera { index: count, error };
+            let has_come = match is_kept {
+                true => {
+                    self.camera.arrived().map_err(failed)?.map(|frame| pass.frames.push((self.seconds(frame.at), frame.picture)))
+                }
+                false => self.camera.skip().map_err(failed)?.then_some(()),
+            };
+            if has_come.is_some() {
+                (count, last_frame) = (count + 1, now);
             }
             let after = self.policy.frame_timeout;
             if now - last_frame > after {
-                return Err(CaptureError::FrameTimeout { index: pass.frames.len(), after });
+                return Err(CaptureError::FrameTimeout { index: count, after });
             }
             if arrived.is_none() && self.stage.has_arrived().map_err(CaptureError::Stage)? {
                 arrived = Some(now);
             }
             match arrived {
-                Some(since) if now - since >= LINGER.max(self.policy.settle) && !pass.frames.is_empty() => return Ok(pass),
+                Some(since) if now - since >= LINGER.max(self.policy.settle) && count > 0 => return Ok(pass),
                 None if now - begun > self.policy.move_timeout => {
                     return Err(CaptureError::MoveTimeout { after: self.policy.move_timeout });
                 }
@@ -275,7 +286,114 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
 
 #[cfg(test)]
 mod tests {
+    use std::{convert::Infallible, sync::Arc};
+
+    use image::GrayImage;
+    use multiscopic_core::capture::Stage;
+
     use super::*;
+    use crate::capture::{
+        SteppedClock,
+        stage::{Limits, SimulatedStage, StageError, StageImperfections},
+    };
+
+    /// A camera that takes a frame every 50 ms.
+    struct Eye(Arc<SteppedClock>, Instant);
+
+    impl FreeCamera for Eye {
+        type Error = Infallible;
+
+        fn begin(&mut self) -> Result<(), Infallible> {
+            Ok(())
+        }
+
+        fn arrived(&mut self) -> Result<Option<Arrival>, Infallible> {
+            let at = self.1 + Duration::from_millis(50);
+            if self.0.now() < at {
+                return Ok(None);
+            }
+            self.1 = at;
+            Ok(Some(Arrival { picture: Picture::Gray(GrayImage::new(1, 1)), at }))
+        }
+
+        fn end(&mut self) {}
+    }
+
+    /// The outcome of a sweep over 40 mm that is interrupted at a step, and the place of the stage after it.
+    fn run(reach_um: u32, stalls_at_move: Option<u32>, interrupted: &str) -> (Result<SweptFrames, Error>, Position) {
+        let clock = SteppedClock::new();
+        let limits = Limits { reach_um, speed_mm_s: 20.0, ..Limits::default() };
+        let errors = StageImperfections { stalls_at_move, ..StageImperfections::default() };
+        let mut stage = SimulatedStage::with_clock(&limits, errors, clock.clone()).unwrap();
+        let mut camera = Eye(clock.clone(), clock.now());
+        let interrupts = AtomicUsize::new(0);
+        let observe = |_, step: &str| _ = (step == interrupted).then(|| interrupts.fetch_add(1, Ordering::Relaxed));
+        let policy = Policy::default();
+        let taken = acquire_sweep(&*clock, &mut stage, &mut camera, 40_000, policy, &interrupts, observe);
+        (taken, stage.position().unwrap().unwrap())
+    }
+
+    #[test]
+    fn frames_come_there_and_back() {
+        let (taken, place) = run(20_000, None, "");
+        let taken = taken.unwrap();
+        assert_eq!((place, taken.failure.is_none()), (Position::CENTER, true));
+        for (pass, sign) in taken.passes.iter().zip([1.0, -1.0]) {
+            // 2.2 s of motion and half a second of rest.
+            assert!((53..=55).contains(&pass.frames.len()), "{}", pass.frames.len());
+            let begun = pass.track.cruise().unwrap()[0];
+            let (early, late) = (pass.track.at(begun + 0.5), pass.track.at(begun + 1.0));
+            assert!((sign * (late - early) - 10.0).abs() < 0.01, "{early} {late}");
+        }
+    }
+
+    #[test]
+    fn a_sweep_that_fails_ends_at_rest() {
+        let message = |taken: Result<SweptFrames, Error>| taken.unwrap_err().to_string();
+        let (taken, place) = run(19_999, None, "");
+        assert!(message(taken).contains("beyond the reach of 19.999 mm"));
+        assert_eq!(place, Position::CENTER, "nothing has moved");
+        let (taken, place) = run(20_000, None, "sweeping back");
+        assert!(message(taken).contains("abort"));
+        assert_eq!(place, Position::CENTER, "an interrupt returns it");
+        // It moves to the centre, to the left end, and gets stuck half way to the right.
+        let (taken, place) = run(20_000, Some(3), "");
+        assert!(message(taken).contains("came no nearer"));
+        assert!(place.x_um.abs() < 10, "{place:?}");
+    }
+
+    /// A stage that cannot tell where it is.
+    struct Blind;
+
+    impl Stage for Blind {
+        type Error = StageError;
+
+        fn move_to(&mut self, _: Position) -> Result<(), StageError> {
+            panic!("it is not asked to move")
+        }
+
+        fn has_arrived(&mut self) -> Result<bool, StageError> {
+            Ok(true)
+        }
+
+        fn position(&mut self) -> Result<Option<Position>, StageError> {
+            Ok(None)
+        }
+
+        fn stop(&mut self) -> Result<(), StageError> {
+            Ok(())
+        }
+    }
+
+    impl PosedStage for Blind {}
+
+    #[test]
+    fn a_stage_that_does_not_tell_its_place_is_refused() {
+        let clock = SteppedClock::new();
+        let (mut camera, interrupts) = (Eye(clock.clone(), clock.now()), AtomicUsize::new(0));
+        let taken = acquire_sweep(&*clock, &mut Blind, &mut camera, 40_000, Policy::default(), &interrupts, |_, _| ());
+        assert!(taken.unwrap_err().to_string().contains("does not tell where it is while it moves"));
+    }
 
     /// A trapezoid of 40 mm at 20 mm/s, with ramps of 0.2 s, seen every 8 ms, to the micrometre.
     fn track() -> Track {

@@ -216,7 +216,8 @@ impl Rig {
     /// # Errors
     /// [`Error::Usage`] that names what matches sweeps.
     pub fn check_views(&self) -> Result<()> {
-        let message = "these are the frames of a sweep, which stand between whole baselines: `multiscopic match RIG_DIR` matches them";
+        let message =
+            "these are the frames of a sweep, which stand between whole baselines: `multiscopic match RIG_DIR` matches them";
         if self.sweep.is_empty() { Ok(()) } else { Err(Error::Usage(message.into())) }
     }
 

@@ -17,3 +17,4 @@ mod http;
 mod path;
 mod sequence;
 mod simulated;
+mod sweep;

@@ -149,7 +149,10 @@ mod tests {
     fn moves_are_at_constant_speed_between_their_ramps() {
         let limits = Limits { speed_mm_s: 50.0, acceleration_mm_s2: 100.0, ..Limits::default() };
         let travelled = |mm: f64, seconds: f64| limits.travelled_mm(mm, Duration::from_secs_f64(seconds));
-        assert_eq!([0.0, 0.1, 0.5, 0.75, 1.25, 1.5, 2.0, 9.0].map(|s| travelled(75.0, s)), [0.0, 0.5, 12.5, 25.0, 50.0, 62.5, 75.0, 75.0]);
+        assert_eq!(
+            [0.0, 0.1, 0.5, 0.75, 1.25, 1.5, 2.0, 9.0].map(|s| travelled(75.0, s)),
+            [0.0, 0.5, 12.5, 25.0, 50.0, 62.5, 75.0, 75.0]
+        );
         // A short move never reaches the speed.
         assert!((travelled(1.0, 0.1) - 0.5).abs() < 1e-9 && travelled(1.0, 0.2) == 1.0);
     }

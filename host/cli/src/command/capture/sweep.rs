@@ -152,19 +152,17 @@ impl Recorder {
         let baseline_mm = frames.iter().map(|(frame, _)| frame.offset_mm.abs()).fold(0.0, f64::max);
         if frames.len() < 2 {
             let count = frames.len();
-            return Err(Error::Usage(format!("{count} frames came while the stage moved, and a sweep needs 2: give a lower --speed")));
+            return Err(Error::Usage(format!(
+                "{count} frames came while the stage moved, and a sweep needs 2: give a lower --speed"
+            )));
         }
         let notes = self.hardware.simulation.clone();
         let mut shown = Frames::of_picture(taken.center.clone());
         let center = self.rig(&shown, date, notes);
-        let rig = Rig {
-            baseline_mm: Some(baseline_mm),
-            sweep: frames.iter().map(|(frame, _)| frame.clone()).collect(),
-            ..center
-        };
+        let rig =
+            Rig { baseline_mm: Some(baseline_mm), sweep: frames.iter().map(|(frame, _)| frame.clone()).collect(), ..center };
         let undistortion = undistortion(&rig, &self.lens, shown.size())?;
-        let truth =
-            self.hardware.simulated.as_ref().and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
+        let truth = self.hardware.simulated.as_ref().and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
         for (view, place) in [(View::LEFT, -baseline_mm), (View::RIGHT, baseline_mm)] {
             let distance = |frame: &SweepFrame| (frame.offset_mm - place).abs();
             let nearest = frames.iter().min_by(|(a, _), (b, _)| distance(a).total_cmp(&distance(b)));
@@ -179,7 +177,8 @@ impl Recorder {
         let line_s = Some(delay.row_seconds).filter(|seconds| seconds.abs() > 3.0 * delay.row_deviation);
         let warnings = farthest.map_or_else(Vec::new, |pixels| {
             let px_per_s = speed * pixels / baseline_mm;
-            let (blur, skew) = (exposure_ms.unwrap_or_default() / 1e3, line_s.unwrap_or_default().abs() * f64::from(height) / 2.0);
+            let (blur, skew) =
+                (exposure_ms.unwrap_or_default() / 1e3, line_s.unwrap_or_default().abs() * f64::from(height) / 2.0);
             let told = [
                 (blur, "the exposure blurs the nearest things by", "a shorter --exposure"),
                 (skew, "the rolling shutter moves the nearest things at the top and the bottom by", "a faster sensor mode"),

@@ -283,7 +283,8 @@ impl Match {
                 .with_truth(truth.as_ref());
             let file = outputs.maps.beside(page);
             scene.add(ViewedMap { file, ..map });
-            let page = summary.warnings.iter().fold(Report::new(title), |page, warning| page.paragraph(&format!("Warning: {warning}.")));
+            let page =
+                summary.warnings.iter().fold(Report::new(title), |page, warning| page.paragraph(&format!("Warning: {warning}.")));
             Ok(page.viewer(&view::command_line(), &[scene]))
         });
         let report = report.transpose()?;
@@ -313,9 +314,9 @@ impl Match {
         Ok(Summary {
             frame: (outputs.has_center() && geometry.is_some()).then(|| frame.name().into()),
             median_depth_mm: of_depth.and_then(|geometry| geometry.median_depth_mm(disparities)),
-            within: deviations.zip(geometry.as_ref()).and_then(|(deviations, geometry)| {
-                Within::new(disparities, deviations, geometry.median_depth_mm(disparities)?)
-            }),
+            within: deviations
+                .zip(geometry.as_ref())
+                .and_then(|(deviations, geometry)| Within::new(disparities, deviations, geometry.median_depth_mm(disparities)?)),
             ..summary
         })
     }

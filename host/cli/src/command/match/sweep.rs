@@ -69,7 +69,10 @@ impl Match {
         settings: &RunSettings,
     ) -> Result<(Summary, DisparityMap)> {
         if let Some(option) = settings.parameters.keys().find(|option| !OBEYED.contains(&&***option)) {
-            return Err(Error::Usage(format!("--{} has no effect on the frames of a sweep: leave it out", option.replace('_', "-"))));
+            return Err(Error::Usage(format!(
+                "--{} has no effect on the frames of a sweep: leave it out",
+                option.replace('_', "-")
+            )));
         }
         let truth = self.check_outputs(&source, outputs)?;
         let mut warnings = Vec::new();
@@ -85,8 +88,7 @@ impl Match {
             self.limits.check(size)?;
             let search = |range| self.matching.search(size, views, range);
             let ways = (&self.preparation, self.matching.search.range_source(&self.preparation));
-            let preparation =
-                prepare(ways, &source, undistortion.as_ref(), frames, &mut geometry, &self.engine.memory, search)?;
+            let preparation = prepare(ways, &source, undistortion.as_ref(), frames, &mut geometry, &self.engine.memory, search)?;
             let count = preparation.search.num_disparities();
             let factor = count.div_ceil(SweepParams::MAX_DISPARITIES) as u32;
             if factor > 1 && self.shrink.is_none() && self.matching.search.num_disparities.is_none() {
@@ -102,9 +104,8 @@ impl Match {
             let center = frames.get(Frame::Center).expect("a rig has a centre");
             let [least, most] = SweepParams::NOISE_RANGE;
             let noise_q4 = (16.0 * noise(center)).round().clamp(least.into(), most.into()) as u16;
-            let params = SweepParams::new(preparation.search, noise_q4, RADIUS).map_err(|error| {
-                Error::Usage(format!("{error}: give a smaller --num-disparities, or --shrink"))
-            })?;
+            let params = SweepParams::new(preparation.search, noise_q4, RADIUS)
+                .map_err(|error| Error::Usage(format!("{error}: give a smaller --num-disparities, or --shrink")))?;
             break (geometry, preparation, params);
         };
         let LoadedSweep { frames, center, undistortion, placed } = loaded;

@@ -1,0 +1,132 @@
+//! `capture --sweep` with simulated hardware, `match` of what it takes, and sweeps of photos whose places are known.
+
+use std::{fs, path::Path};
+
+use image::{GrayImage, Luma};
+use multiscopic::Rig;
+use multiscopic_tests::{program::Invocation, test_images::read_pfm};
+
+const ERRORS: &str = "[camera]\ndelay_ms = 35.0\njitter_ms = 0.5\nexposure_ms = 4.0\nline_us = 25.0\ndrops_every = 9\n";
+
+/// Sweeps over 40 mm at 20 mm/s, with 320x240 pixels.
+fn sweep(camera: &str, folder: &Path, more: &[&str]) -> Invocation {
+    let folder = folder.to_str().unwrap();
+    let arguments = ["capture", "--camera", camera, "--stage", "sim", "--sweep", "40", "--size", "320x240", "-o", folder];
+    Invocation::new(arguments.iter().chain(more))
+}
+
+/// Matches a folder and returns the summary in JSON, with the disparities and their confidences.
+fn matched(folder: &Path) -> (serde_json::Value, Vec<f32>, GrayImage) {
+    let [map, sure] = ["found.pfm", "sure.png"].map(|name| folder.with_file_name(name));
+    let names = [folder, &map, &sure].map(|path| path.to_str().unwrap());
+    let found = Invocation::new(["match", names[0], "-o", names[1], "--confidence", names[2], "--json"]);
+    assert_eq!(found.code, Some(0), "{found:#?}");
+    let summary = serde_json::from_str(&found.stdout).unwrap();
+    (summary, read_pfm(&map).2, image::open(&sure).unwrap().to_luma8())
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
+fn the_images_tell_the_delay_and_the_places() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fs::write(at("errors.toml"), ERRORS).unwrap();
+    let run = sweep(&format!("sim:{}", at("errors.toml").display()), &at("rig"), &["--speed", "20", "--json"]);
+    assert_eq!(run.code, Some(0), "{run:#?}");
+    let report: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    let number = |key: &str| report[key].as_f64().unwrap();
+    // A frame arrives a quarter of a millisecond later on average.
+    let error = (number("delay_ms") - 35.25).abs();
+    assert!(error < number("delay_within_ms") && number("delay_within_ms") < 2.0, "{report}");
+    assert!((number("line_us") - 25.0).abs() < 8.0, "{report}");
+
+    let rig = Rig::load(&at("rig")).unwrap();
+    assert_eq!((rig.sweep.len() + 1, rig.focal_px), (number("frames") as usize, Some(480.0)));
+    // Four seconds and a half at 15 frames a second, of which every ninth is lost, and the stage stands still in some.
+    assert!((52..=64).contains(&rig.sweep.len()) && (5..=9).contains(&(number("dropped") as usize)), "{report}");
+    let speeds = rig.sweep.windows(2).map(|pair| {
+        let [a, b] = [&pair[0], &pair[1]].map(|frame| frame.exposed.unwrap());
+        (pair[1].offset_mm - pair[0].offset_mm).abs() / b.duration_since(a).unwrap().as_secs_f64()
+    });
+    let mut speeds: Vec<f64> = speeds.collect();
+    speeds.sort_by(f64::total_cmp);
+    assert!((speeds[speeds.len() / 2] - 20.0).abs() < 0.2, "{speeds:?}");
+
+    let (summary, found, sure) = matched(&at("rig"));
+    assert_eq!((&summary["method"], &summary["views"]), (&"sweep".into(), &rig.sweep.len().into()));
+    let truth = read_pfm(&at("rig/truth.pfm")).2;
+    let mut errors: Vec<f32> = found
+        .iter()
+        .zip(&truth)
+        .zip(sure.pixels())
+        .filter(|((_, truth), sure)| truth.is_finite() && sure.0[0] >= 230)
+        .map(|((found, truth), _)| (found - truth).abs())
+        .collect();
+    errors.sort_by(f32::total_cmp);
+    let wrong = errors.iter().filter(|error| **error > 1.0).count();
+    println!("{} sure, median {}, {wrong} wrong", errors.len(), errors[errors.len() / 2]);
+    assert!(errors.len() > truth.len() / 4, "{} sure pixels", errors.len());
+    assert!(errors[errors.len() / 2] < 0.15 && wrong < errors.len() / 25, "{} {wrong}", errors[errors.len() / 2]);
+}
+
+#[test]
+fn sweeps_that_cannot_be_are_refused_before_anything_moves() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("rig");
+    sweep("sim", &folder, &["--speed", "20", "--reach", "19.9"]).assert_refused(&["(-20, 0) mm is beyond the reach of 19.9 mm"]);
+    sweep("sim", &folder, &["--speed", "60"]).assert_refused(&["needs 36.0 mm to reach 60 mm/s", "--sweep 40", "lower --speed"]);
+    for option in [["--baseline", "20"], ["--views", "2"], ["--accuracy", "1@600"], ["--report", "page.html"]] {
+        sweep("sim", &folder, &option).assert_refused(&["cannot be used with", option[0]]);
+    }
+    sweep("sim", &folder, &["--live"]).assert_refused(&["cannot be used with"]);
+    assert!(!folder.exists());
+}
+
+#[test]
+fn a_stage_that_gets_stuck_leaves_no_folder() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fs::write(at("errors.toml"), "[stage]\nstalls_at_move = 3\n").unwrap();
+    let camera = format!("sim:{}", at("errors.toml").display());
+    sweep(&camera, &at("rig"), &["--speed", "20", "--size", "32x24"]).assert_refused(&["came no nearer"]);
+    assert!(!at("rig").exists());
+}
+
+/// Photos of a plane with a texture, at disparity 4 at 20 mm.
+fn photos(folder: &Path, places: &[f64]) {
+    let gray = |u: f64, v: f64| 128.0 + 50.0 * (0.8 * u + v).sin() + 40.0 * (0.3 * u - 0.6 * v).cos();
+    let mut table = "name,x_mm,y_mm\n".to_owned();
+    for (n, place) in places.iter().enumerate() {
+        let picture = GrayImage::from_fn(96, 72, |u, v| Luma([gray(f64::from(u) + 0.2 * place, f64::from(v)) as u8]));
+        picture.save(folder.join(format!("{n}.png"))).unwrap();
+        table += &format!("{n}.png,{place},0\n");
+    }
+    fs::write(folder.join("places.csv"), table).unwrap();
+}
+
+#[test]
+fn photos_along_a_row_are_matched_as_a_sweep() {
+    let dir = tempfile::tempdir().unwrap();
+    let (folder, table) = (dir.path(), dir.path().join("places.csv"));
+    photos(folder, &[0.0, -20.0, -11.0, -4.5, 3.0, 7.5, 13.0, 20.0]);
+    let name = folder.to_str().unwrap();
+    let import = ["rig", "import", name, "--positions", table.to_str().unwrap(), "--center", "0.png", "--focal-px", "100"];
+    Invocation::new(import).assert_done();
+    let rig = Rig::load(folder).unwrap();
+    assert_eq!((rig.baseline_mm, rig.sweep.len()), (Some(20.0), 7));
+    let output = folder.join("found.pfm");
+    let given = ["match", name, "-o", output.to_str().unwrap(), "--min-disparity", "0", "--num-disparities", "12"];
+    Invocation::new(given).assert_done();
+    let found = read_pfm(&output).2;
+    let near = found.iter().filter(|d| (**d - 4.0).abs() < 0.1).count();
+    assert!(near > found.len() * 8 / 10, "{near} of {}", found.len());
+
+    for option in [["--method", "bm"], ["--block-size", "7"], ["--fusion", "min"], ["--median", "3"], ["--sigma", "s.pfm"]] {
+        Invocation::new(given.iter().chain(&option)).assert_refused(&[option[0], "no effect on the frames of a sweep"]);
+    }
+    for command in
+        [vec!["align", name, "-o", "aligned"], vec!["view", name, "--no-open"], vec!["evaluate", name, "--plane", "500"]]
+    {
+        Invocation::new(command).assert_refused(&["the frames of a sweep", "`multiscopic match RIG_DIR`"]);
+    }
+}

@@ -31,8 +31,9 @@ const FARTHEST: usize = 8;
 const LONGEST_S: f64 = 1.0;
 /// The least number of frames that must tell the delay, and of corners in each.
 const LEAST: (usize, usize) = (3, 12);
-/// The deviation of the delay below which no estimate is, in seconds: what places and frames are not measured to.
-const FLOOR_S: f64 = 2e-4;
+/// The deviation of the delay below which no estimate is: errors that corners share, in pixels, and what times are not measured
+/// to, in seconds.
+const FLOOR: (f64, f64) = (0.005, 1e-4);
 
 /// A way along the line.
 #[derive(Clone, Copy, Debug)]
@@ -66,6 +67,8 @@ struct Told {
     row: f64,
     delay: f64,
     weight: f64,
+    /// The time in which it moves by a pixel against the frames of the way back, in seconds.
+    seconds_per_pixel: f64,
 }
 
 impl Delay {
@@ -121,6 +124,8 @@ fn told(n: usize, there: Way<'_>, back: Way<'_>, smaller: &[Vec<u8>]) -> Vec<Tol
     }
     let Some((outer, motions)) = around else { return Vec::new() };
     let middle = (f64::from(image.height()) - 1.0) / 2.0;
+    // The frame of the other way comes towards it.
+    let between = (outer[1].0 - outer[0].0) / 2.0;
     let delay = |(row, share, motion): (f64, f64, f64)| {
         // Positive where the delay is too small.
         let ahead = |delay: f64| {
@@ -135,7 +140,8 @@ fn told(n: usize, there: Way<'_>, back: Way<'_>, smaller: &[Vec<u8>]) -> Vec<Tol
             let half = (least + most) / 2.0;
             *(if ahead(half) > 0.0 { &mut least } else { &mut most }) = half;
         }
-        Some(Told { frame: n, row: row - middle, delay: least, weight: motion * motion })
+        let seconds_per_pixel = between / motion.abs();
+        Some(Told { frame: n, row: row - middle, delay: least, weight: motion * motion, seconds_per_pixel })
     };
     motions.into_iter().filter_map(delay).collect()
 }
@@ -147,7 +153,7 @@ fn fit(mut told: Vec<Told>) -> Option<Delay> {
     // The first round drops mismatches alone, before the slope is known.
     for limit in [6.0, 4.0, 3.0] {
         let spread = 1.4826 * median(told.iter().map(|told| off(told, line).abs()).collect());
-        told.retain(|told| off(told, line).abs() <= limit * spread.max(FLOOR_S));
+        told.retain(|told| off(told, line).abs() <= limit * spread.max(FLOOR.1));
         let sum = |of: &dyn Fn(&Told) -> f64| told.iter().map(|told| told.weight * of(told)).sum::<f64>();
         let (weights, rows, delays) = (sum(&|_| 1.0), sum(&|told| told.row), sum(&|told| told.delay));
         let (squares, products) = (sum(&|told| told.row * told.row), sum(&|told| told.row * told.delay));
@@ -170,8 +176,10 @@ fn fit(mut told: Vec<Told>) -> Option<Delay> {
         return None;
     }
     let square = told.iter().map(|told| told.row * told.row).sum::<f64>() / told.len() as f64;
-    let deviation = of_frames(&|told| off(told, line)).hypot(FLOOR_S);
-    let row_deviation = of_frames(&|told| off(told, line) * told.row / square).hypot(FLOOR_S / square.sqrt());
+    let floor = (FLOOR.0 * median(told.iter().map(|told| told.seconds_per_pixel).collect())).hypot(FLOOR.1);
+    let deviation = of_frames(&|told| off(told, line)).hypot(floor);
+    // Errors that the corners of the upper rows share are not those of the lower ones.
+    let row_deviation = of_frames(&|told| off(told, line) * told.row / square).hypot(2.0 * floor / square.sqrt());
     let [seconds, slope] = line;
     // What a lower row sees later is as if its frame had arrived earlier.
     line.iter().all(|value| value.is_finite()).then_some(Delay { seconds, deviation, row_seconds: -slope, row_deviation })

@@ -9,7 +9,7 @@ use std::{
 use multiscopic_core::capture::{CaptureError, Policy, Position};
 
 use super::{Clock, POLL_INTERVAL, stage::PosedStage};
-use crate::{error::Error, images::Picture};
+use crate::{error::Error, files::FramePose, images::Picture};
 
 /// The time for which frames are taken beyond the end of a way: those that were exposed before it arrive later.
 const LINGER: Duration = Duration::from_millis(500);
@@ -118,6 +118,8 @@ pub struct SweepPass {
 pub struct SweptFrames {
     /// The centre, which was taken at rest.
     pub center: Picture,
+    /// The place of the centre, and the time.
+    pub pose: FramePose,
     /// The way there, to the right, and the way back.
     pub passes: [SweepPass; 2],
     /// The time at which it began.
@@ -159,9 +161,9 @@ where
     let taken = run.take(length_um as i32 / 2);
     run.camera.end();
     taken
-        .map(|(center, passes, failure)| {
+        .map(|((center, pose), passes, failure)| {
             let failure = failure.map(|error| Error::Capture { frame: None, source: Box::new(error) });
-            SweptFrames { center, passes, began, failure }
+            SweptFrames { center, pose, passes, began, failure }
         })
         .map_err(|error| Error::Capture { frame: None, source: Box::new(run.stopped(error)) })
 }
@@ -180,7 +182,7 @@ struct Run<'a, S, C, F> {
 }
 
 type Failure<S, C> = CaptureError<<S as multiscopic_core::capture::Stage>::Error, <C as FreeCamera>::Error>;
-type Taken<S, C> = (Picture, [SweepPass; 2], Option<Failure<S, C>>);
+type Taken<S, C> = ((Picture, FramePose), [SweepPass; 2], Option<Failure<S, C>>);
 
 impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
     fn take(&mut self, half_um: i32) -> Result<Taken<S, C>, Failure<S, C>> {
@@ -189,6 +191,13 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
         self.say("capturing the centre frame");
         let mut at_rest = self.travel(0, true)?;
         let (_, center) = at_rest.frames.pop().expect("a way lasts until there is a frame");
+        let counted = self.stage.position().map_err(CaptureError::Stage)?;
+        let pose = FramePose {
+            asked_mm: [0.0; 2],
+            counted_mm: counted.map(|Position { x_um, y_um }| [x_um, y_um].map(|um| f64::from(um) / 1000.0)),
+            exposed: Some(SystemTime::now()),
+            measured: self.stage.pose().map_err(CaptureError::Stage)?,
+        };
         self.say("moving to the left end");
         self.travel(-half_um, false)?;
         self.say("sweeping to the right");
@@ -202,7 +211,7 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
             let _ = self.stage.stop();
         }
         self.say("done");
-        Ok((center, [there, back], failure))
+        Ok(((center, pose), [there, back], failure))
     }
 
     fn say(&mut self, step: &str) {

@@ -16,7 +16,7 @@ use multiscopic::{
     capture::{Clock, FreeCamera, SimulatedStream, SteppedClock, SweptFrames, SystemClock, acquire_sweep},
     files::{SweepFrame, output},
 };
-use multiscopic_core::View;
+use multiscopic_core::{Frame, View};
 use serde::Serialize;
 
 use super::{
@@ -159,8 +159,12 @@ impl Recorder {
         let notes = self.hardware.simulation.clone();
         let mut shown = Frames::of_picture(taken.center.clone());
         let center = self.rig(&shown, date, notes);
-        let rig =
-            Rig { baseline_mm: Some(baseline_mm), sweep: frames.iter().map(|(frame, _)| frame.clone()).collect(), ..center };
+        let rig = Rig {
+            baseline_mm: Some(baseline_mm),
+            sweep: frames.iter().map(|(frame, _)| frame.clone()).collect(),
+            poses: [(Frame::Center.to_string(), taken.pose)].into(),
+            ..center
+        };
         let undistortion = undistortion(&rig, &self.lens, shown.size())?;
         let truth = self.hardware.simulated.as_ref().and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
         for (view, place) in [(View::LEFT, -baseline_mm), (View::RIGHT, baseline_mm)] {
@@ -254,7 +258,7 @@ fn placed(taken: &SweptFrames, delay: Delay, half_mm: f64) -> Vec<(SweepFrame, &
 
 #[cfg(test)]
 mod tests {
-    use multiscopic::capture::SweepPass;
+    use multiscopic::{capture::SweepPass, files::FramePose};
 
     use super::*;
 
@@ -266,7 +270,8 @@ mod tests {
         };
         let passes = [pass(&[0.0, 0.1, 0.21, 0.4, 0.5]), pass(&[9.0, 9.1, 9.4, 9.5])];
         let began = std::time::SystemTime::UNIX_EPOCH;
-        let taken = SweptFrames { center: Picture::Gray(GrayImage::new(1, 1)), passes, began, failure: None };
+        let pose = FramePose { asked_mm: [0.0; 2], counted_mm: None, exposed: None, measured: None };
+        let taken = SweptFrames { center: Picture::Gray(GrayImage::new(1, 1)), pose, passes, began, failure: None };
         assert_eq!(dropped(&taken), 3);
     }
 }

@@ -500,9 +500,9 @@ mod tests {
     #[test]
     fn sweeps_that_make_no_sense_are_refused() {
         for (from, to, expected) in [
-            ("3.5", "inf", "offset_mm = inf of 2.png, expected at most 16 baselines, 320 mm"),
-            ("3.5", "nan", "offset_mm = NaN of 2.png"),
-            ("3.5", "-320.1", "offset_mm = -320.1 of 2.png"),
+            ("offset_mm = 3.5", "offset_mm = inf", "offset_mm = inf of 2.png, expected at most 16 baselines, 320 mm"),
+            ("offset_mm = 3.5", "offset_mm = nan", "offset_mm = NaN of 2.png"),
+            ("offset_mm = 3.5", "offset_mm = -320.1", "offset_mm = -320.1 of 2.png"),
             ("-20.0", "-18.9", "no frame in [[sweep]] at baseline_mm = 20, expected a frame within 5 % of that"),
             ("2.png", "../2.png", "image = \"../2.png\" in [[sweep]], expected the name of a file in this folder"),
             ("2.png", "/2.png", "image = \"/2.png\" in [[sweep]]"),

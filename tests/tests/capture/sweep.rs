@@ -183,9 +183,10 @@ fn differences(exposure_ms: f64) -> [f64; 2] {
 
 #[test]
 fn an_exposure_blurs_along_the_motion() {
-    // 40 ms at 40 mm/s are 1.6 mm, more than half a pixel everywhere and two at the nearest things.
-    let [sharp, blurred] = [0.0, 40.0].map(differences);
-    assert!(blurred[0] < 0.9 * sharp[0] && blurred[1] > 0.9 * sharp[1], "{sharp:?} {blurred:?}");
+    // 100 ms at 40 mm/s are 4 mm, about two pixels. Fine textures lose some contrast along both axes.
+    let [sharp, blurred] = [0.0, 100.0].map(differences);
+    let [right, down] = [0, 1].map(|axis| blurred[axis] / sharp[axis]);
+    assert!(right < 0.9 * down && down > 0.6, "{right} {down}");
 }
 
 /// The delay of a camera on a stage that slides it over 20 mm at 20 mm/s.
@@ -218,6 +219,7 @@ fn arms_and_machines_tell_where_they_are_meanwhile() {
     let of_arm = delay(clock, arm.stage(&limits).unwrap());
     for Delay { seconds, deviation, .. } in [of_machine, of_arm] {
         println!("{:.2} ms, deviation {:.2} ms", 1e3 * seconds, 1e3 * deviation);
-        assert!((seconds - 0.08).abs() < 3.0 * deviation && deviation < 0.003, "{seconds} {deviation}");
+        // The camera follows what the stage reports, which comes half a round trip late.
+        assert!((seconds - 0.08).abs() < 0.005 && deviation < 0.002, "{seconds} {deviation}");
     }
 }

@@ -265,7 +265,13 @@ impl Match {
         let (disparities, confidences) = (map.disparities, map.confidences);
         let Matched { preparation, geometry, center, frame_tree, frame, frames: (frames, color), truth } = matched;
         let (size, search) = (frames.size(), preparation.search);
-        summary.warnings.splice(0..0, advice::warnings(&preparation, disparities, &search));
+        let of_images = advice::warnings(&preparation, disparities, &search);
+        let of_images = if summary.fusion.is_none() {
+            of_images.iter().map(|warning| advice::of_sweep(warning)).collect()
+        } else {
+            of_images
+        };
+        summary.warnings.splice(0..0, of_images);
         let of_depth = geometry.as_ref().filter(|_| outputs.of_depth().is_some());
         if let Some(geometry) = of_depth {
             let odd: Vec<String> = geometry.warnings(disparities).iter().map(advice::warning).collect();

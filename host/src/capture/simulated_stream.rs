@@ -123,7 +123,7 @@ impl SimulatedStream {
             let places: Vec<StagePose> = (0..EXPOSURES).map(place).collect();
             if places.iter().all(|place| *place == places[0]) { places[..1].to_vec() } else { places }
         };
-        let [first, last] = [0, rows - 1].map(|row| places(row));
+        let [first, last] = [0, rows - 1].map(&places);
         let rest = (first.len() == 1 && first == last).then(|| first[0]);
         match &self.at_rest {
             Some((place, picture)) if rest == Some(*place) => picture.clone(),

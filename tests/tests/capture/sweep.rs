@@ -98,7 +98,7 @@ fn sweeps_that_cannot_be_are_refused_before_anything_moves() {
     let folder = dir.path().join("rig");
     sweep("sim", &folder, &["--speed", "20", "--reach", "19.9"]).assert_refused(&["(-20, 0) mm is beyond the reach of 19.9 mm"]);
     sweep("sim", &folder, &["--speed", "60"]).assert_refused(&["needs 36.0 mm to reach 60 mm/s", "--sweep 40", "lower --speed"]);
-    for option in [["--baseline", "20"], ["--views", "2"], ["--accuracy", "1@600"], ["--report", "page.html"]] {
+    for option in [["--baseline", "20"], ["--views", "2"], ["--accuracy", "1@600"], ["--average", "2"]] {
         sweep("sim", &folder, &option).assert_refused(&["cannot be used with", option[0]]);
     }
     sweep("sim", &folder, &["--live"]).assert_refused(&["cannot be used with"]);

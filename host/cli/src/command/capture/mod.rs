@@ -298,7 +298,10 @@ struct LayoutOptions {
         value_name = "MM",
         value_parser = positive,
         allow_negative_numbers = true,
-        conflicts_with_all = ["baseline", "baselines", "views", "layout", "accuracy", "until"]
+        conflicts_with_all = [
+            "baseline", "baselines", "views", "layout", "accuracy", "until", "average", "retries", "tolerance", "backlash",
+            "min_disparity", "num_disparities", "block_size"
+        ]
     )]
     sweep: Option<f64>,
 

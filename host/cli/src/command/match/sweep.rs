@@ -74,6 +74,7 @@ impl Match {
                 option.replace('_', "-")
             )));
         }
+        let whole = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &loaded.frames)?;
         let truth = self.check_outputs(&source, outputs)?;
         let mut warnings = Vec::new();
         if let Some(factor) = self.shrink {
@@ -82,8 +83,7 @@ impl Match {
         }
         let (geometry, preparation, params) = loop {
             let LoadedSweep { frames, undistortion, .. } = &mut loaded;
-            let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), frames)?;
-            geometry = geometry.map(|geometry| geometry.shrunk(source.shrink()));
+            let mut geometry = whole.map(|geometry| geometry.shrunk(source.shrink()));
             let (size, views) = (frames.size(), frames.views());
             self.limits.check(size)?;
             let search = |range| self.matching.search(size, views, range);

@@ -72,7 +72,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             ),
             (
                 "Without stopping: frames while the stage slides the camera",
-                "multiscopic capture --camera sim --stage sim --sweep 40 --speed 20 -o sweep",
+                "multiscopic capture --camera sim --stage sim --sweep 40 --speed 20 \\\n    --size 320x240 -o sweep",
             ),
             ("Without any hardware", "multiscopic capture --camera sim --stage sim --baseline 5 -o rig"),
         ],

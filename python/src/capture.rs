@@ -221,6 +221,7 @@ impl Rig {
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Rig> {
         let rig = multiscopic::Rig::load(&path).map_err(exception)?;
+        rig.check_views().map_err(exception)?;
         let lens = LensFile::of_rig(&rig, &path, None).map_err(exception)?;
         Ok(Rig { directory: path, rig, lens })
     }

@@ -285,6 +285,7 @@ fn texts() -> Vec<(&'static str, Vec<u8>, Reader)> {
         lens: None,
         mount_rotation_deg: Some([0.5, -1.0, 2.0]),
         mount_roll_deg: Some(1.5),
+        sweep: Vec::new(),
         hand_eye: None,
         poses: [("center".to_owned(), pose)].into(),
         images: FrameFiles::of_capture(Views::CROSS),

@@ -116,6 +116,11 @@ impl MatchingOptions {
         self.options.method_at_baselines(self.method, self.search.block_size, views, &self.baselines)
     }
 
+    /// Returns the least confidence of a disparity that is kept, if one was asked for.
+    pub fn min_confidence(&self) -> Option<u8> {
+        self.options.refinement.min_confidence()
+    }
+
     /// Returns the method for a match with `views` around known disparities, which no method has to find: that with no steps
     /// after it but those asked for.
     ///

@@ -238,7 +238,12 @@ impl RefinementOptions {
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
             smoother: self.smooth.then_some(smoother),
             fill: self.fill.map(|FillName::Background| BackgroundFill),
-            min_confidence: self.min_confidence.map(confidence_map::of_probability),
+            min_confidence: self.min_confidence(),
         })
+    }
+
+    /// The least confidence of a disparity that is kept, if one was asked for.
+    pub(crate) fn min_confidence(&self) -> Option<u8> {
+        self.min_confidence.map(confidence_map::of_probability)
     }
 }

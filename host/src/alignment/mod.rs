@@ -17,9 +17,11 @@
 //! | `selection` | the parameters that the images prove, within a [`Tolerance`] if the rig is calibrated, and how certain they are |
 //! | `mounting` | the rotation of a camera against the stage that moves it: [`Mounting`] |
 //! | `inspection` | the properties of images before they are matched: [`Inspection`] |
+//! | `delay` | the delay between a camera that runs free and its stage: [`Delay`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
 
 mod adjustment;
+mod delay;
 mod estimate;
 mod inspection;
 mod mounting;
@@ -27,6 +29,7 @@ mod selection;
 mod tracking;
 mod view_geometry;
 
+pub use delay::{Delay, Way};
 pub use estimate::Alignment;
 pub use inspection::Inspection;
 pub use mounting::Mounting;

@@ -9,7 +9,7 @@ use std::{
         mpsc::{self, Receiver, Sender, TryRecvError},
     },
     thread::{self, JoinHandle},
-    time::{Duration, SystemTime},
+    time::{Duration, Instant, SystemTime},
 };
 
 use multiscopic_core::{
@@ -17,15 +17,16 @@ use multiscopic_core::{
     capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence},
 };
 
-use super::{Clock, SystemClock, stage::PosedStage};
+use super::{
+    Clock, POLL_INTERVAL, SystemClock,
+    stage::PosedStage,
+    sweep::{Arrival, FreeCamera},
+};
 use crate::{
     error::Error,
     files::FramePose,
     images::{Frames, Picture},
 };
-
-/// The interval at which the stage and the camera are polled.
-const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
 /// All frames of a plan.
 #[derive(Debug)]
@@ -173,6 +174,15 @@ pub trait BlockingCamera: Sized {
     /// # Errors
     /// The picture could not be taken. The next call may succeed.
     fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, Self::Error>;
+
+    /// The next picture of a camera that runs free, and the time at which it arrived: a constant delay after the middle of its
+    /// exposure, as far as the camera can. By default it is [taken](BlockingCamera::take).
+    ///
+    /// # Errors
+    /// Those of [`take`](BlockingCamera::take).
+    fn next(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Arrival, Self::Error> {
+        self.take(timeout, is_cancelled).map(|picture| Arrival { picture, at: Instant::now() })
+    }
 }
 
 type OpenCamera<C> = Arc<dyn Fn() -> Result<C, <C as BlockingCamera>::Error> + Send + Sync>;
@@ -189,11 +199,17 @@ pub struct ThreadedCamera<C: BlockingCamera> {
     images: Vec<Option<Picture>>,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Request {
+    Take,
+    Next,
+}
+
 struct Worker<E> {
     thread: JoinHandle<()>,
-    /// One message for each picture to take.
-    requests: Sender<()>,
-    pictures: Receiver<Result<Picture, E>>,
+    /// One message for each picture to take, or for the next one of a camera that runs free.
+    requests: Sender<Request>,
+    pictures: Receiver<Result<Arrival, E>>,
     is_cancelled: Arc<AtomicBool>,
 }
 
@@ -229,8 +245,11 @@ impl<C: BlockingCamera + 'static> Camera for ThreadedCamera<C> {
                 }
             };
             let _ = opened_sender.send(Ok(()));
-            while requested.recv().is_ok() {
-                let _ = picture_sender.send(camera.take(timeout, &cancelled));
+            while let Ok(request) = requested.recv() {
+                let _ = picture_sender.send(match request {
+                    Request::Take => camera.take(timeout, &cancelled).map(|picture| Arrival { picture, at: Instant::now() }),
+                    Request::Next => camera.next(timeout, &cancelled),
+                });
             }
         });
         let opened = opened.recv();
@@ -253,26 +272,15 @@ impl<C: BlockingCamera + 'static> Camera for ThreadedCamera<C> {
             let _ = worker.pictures.recv();
         }
         worker.is_cancelled.store(false, Ordering::Relaxed);
-        if worker.requests.send(()).is_err() {
-            return self.propagate_panic();
-        }
-        self.index = Some(index);
-        Ok(())
+        self.request(index, Request::Take)
     }
 
     fn is_complete(&mut self) -> Result<bool, C::Error> {
-        let (Some(worker), Some(index)) = (&self.worker, self.index) else { return Ok(false) };
-        match worker.pictures.try_recv() {
-            Err(TryRecvError::Empty) => Ok(false),
-            Err(TryRecvError::Disconnected) => self.propagate_panic(),
-            Ok(picture) => {
-                self.index = None;
-                let image = picture?;
-                self.images.resize(self.images.len().max(index + 1), None);
-                self.images[index] = Some(image);
-                Ok(true)
-            }
-        }
+        let Some(index) = self.index else { return Ok(false) };
+        let Some(Arrival { picture, .. }) = self.received()? else { return Ok(false) };
+        self.images.resize(self.images.len().max(index + 1), None);
+        self.images[index] = Some(picture);
+        Ok(true)
     }
 
     fn end(&mut self) -> Result<(), C::Error> {
@@ -281,7 +289,49 @@ impl<C: BlockingCamera + 'static> Camera for ThreadedCamera<C> {
     }
 }
 
+impl<C: BlockingCamera + 'static> FreeCamera for ThreadedCamera<C> {
+    type Error = C::Error;
+
+    fn begin(&mut self) -> Result<(), C::Error> {
+        Camera::begin(self)
+    }
+
+    fn arrived(&mut self) -> Result<Option<Arrival>, C::Error> {
+        let arrival = self.received()?;
+        if self.index.is_none() {
+            self.request(0, Request::Next)?;
+        }
+        Ok(arrival)
+    }
+
+    fn end(&mut self) {
+        self.close();
+    }
+}
+
 impl<C: BlockingCamera> ThreadedCamera<C> {
+    /// Asks for the picture with this index in the sequence.
+    fn request(&mut self, index: usize, request: Request) -> Result<(), C::Error> {
+        if self.worker.as_ref().is_none_or(|worker| worker.requests.send(request).is_err()) {
+            return self.propagate_panic();
+        }
+        self.index = Some(index);
+        Ok(())
+    }
+
+    /// The picture that was asked for, if it is there.
+    fn received(&mut self) -> Result<Option<Arrival>, C::Error> {
+        let (Some(worker), Some(_)) = (&self.worker, self.index) else { return Ok(None) };
+        match worker.pictures.try_recv() {
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => self.propagate_panic(),
+            Ok(picture) => {
+                self.index = None;
+                picture.map(Some)
+            }
+        }
+    }
+
     /// Waits until the camera is closed.
     fn close(&mut self) {
         self.index = None;

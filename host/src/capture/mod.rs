@@ -8,8 +8,10 @@
 //! | `SimulatedCamera` | a camera that sees the scene of the demo, with the feature `scene` |
 //! | [`Imperfections`] | what is wrong with a simulated rig |
 //! | [`BlockingCamera`], [`ThreadedCamera`] | a camera that blocks, polled from a thread of its own |
-//! | [`Clock`], [`SystemClock`] | the time by which stages are waited for |
+//! | `SimulatedStream` | the same camera while it moves, in simulated time |
+//! | [`Clock`], [`SystemClock`], [`SteppedClock`] | the time by which stages are waited for |
 //! | [`acquire_images`] | runs the core's [`Sequence`](multiscopic_core::capture::Sequence) into memory |
+//! | [`acquire_sweep`], [`FreeCamera`], [`SweptFrames`] | frames of a camera that runs free while the stage slides it there and back |
 //! | [`Accuracy`], [`Survey`], [`Choice`] | which long baseline gives the depth accuracy asked for |
 
 mod accuracy;
@@ -20,18 +22,29 @@ mod imperfections;
 mod lines;
 #[cfg(feature = "scene")]
 mod simulated_camera;
+#[cfg(feature = "scene")]
+mod simulated_stream;
 pub mod stage;
+mod sweep;
 
 use std::{
-    fmt, thread,
+    fmt,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    thread,
     time::{Duration, Instant},
 };
 
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
 pub use acquisition::{Acquisition, BlockingCamera, ThreadedCamera, acquire_images, acquire_images_with_clock};
-pub use imperfections::Imperfections;
+pub use imperfections::{CameraTiming, Imperfections};
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;
+#[cfg(feature = "scene")]
+pub use simulated_stream::SimulatedStream;
+pub use sweep::{Arrival, FreeCamera, SweepPass, SweptFrames, Track, acquire_sweep};
+
+/// The interval at which stages and cameras are polled.
+const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
 /// A source of time.
 ///
@@ -60,24 +73,26 @@ impl Clock for SystemClock {
 }
 
 /// A clock that moves only while somebody waits.
-#[cfg(test)]
 #[derive(Debug)]
-struct SteppedClock(std::sync::Mutex<Instant>);
+pub struct SteppedClock(Mutex<Instant>);
 
-#[cfg(test)]
 impl SteppedClock {
-    fn new() -> std::sync::Arc<SteppedClock> {
-        std::sync::Arc::new(SteppedClock(Instant::now().into()))
+    /// A clock that begins now.
+    pub fn new() -> Arc<SteppedClock> {
+        Arc::new(SteppedClock(Instant::now().into()))
+    }
+
+    fn time(&self) -> MutexGuard<'_, Instant> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-#[cfg(test)]
 impl Clock for SteppedClock {
     fn now(&self) -> Instant {
-        *self.0.lock().unwrap()
+        *self.time()
     }
 
     fn sleep(&self, duration: Duration) {
-        *self.0.lock().unwrap() += duration;
+        *self.time() += duration;
     }
 }

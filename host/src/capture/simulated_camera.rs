@@ -7,17 +7,18 @@ use std::{
         Arc,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use super::{
     acquisition::BlockingCamera,
-    imperfections::Imperfections,
+    imperfections::{CameraTiming, Imperfections},
     stage::{SimulatedPlace, StagePose},
+    sweep::Arrival,
 };
 use crate::{
     images::Picture,
-    scene::{PinholeCamera, Pose, PosedCamera, Ray, Scene, render_at, trace},
+    scene::{PinholeCamera, Pose, PosedCamera, Ray, Scene, render_moving, trace},
 };
 
 /// A camera without hardware: it renders the scene of the demo from where a simulated stage has moved it.
@@ -44,6 +45,24 @@ impl SimulatedCamera {
     /// The focal length that such a camera should have, in pixels. A lens of its own may have another.
     pub fn nominal_focal_px(&self) -> f64 {
         self.sensor.focal_px
+    }
+
+    /// The timing of its frames while it moves.
+    pub fn timing(&self) -> &CameraTiming {
+        &self.imperfections.camera
+    }
+
+    /// The place where the stage has moved it.
+    pub(super) fn place(&self) -> StagePose {
+        self.place.get()
+    }
+
+    /// A picture whose rows are the means of those from some places.
+    pub(super) fn moving(&self, places: impl Fn(u32) -> Vec<StagePose> + Sync) -> Picture {
+        let number = 1 + self.taken.fetch_add(1, Ordering::Relaxed);
+        let scene = Scene::demo();
+        let poses = |row: u32| places(row).into_iter().map(|place| self.at(scene.viewpoint, place).pose).collect();
+        Picture::Rgb(render_moving(&scene, &self.at(scene.viewpoint, StagePose::default()), poses, number))
     }
 
     /// The camera where a stage has moved it, whose axes are those of the scene's viewpoint.
@@ -74,10 +93,14 @@ impl BlockingCamera for SimulatedCamera {
     type Error = Infallible;
 
     fn take(&mut self, _: Duration, _: &AtomicBool) -> Result<Picture, Infallible> {
-        let number = 1 + self.taken.fetch_add(1, Ordering::Relaxed);
-        let scene = Scene::demo();
-        let camera = self.at(scene.viewpoint, self.place.get());
-        Ok(Picture::Rgb(render_at(&scene, &camera, number)))
+        let place = self.place.get();
+        Ok(self.moving(|_| vec![place]))
+    }
+
+    /// It exposes at the time of the call, and renders afterwards.
+    fn next(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Arrival, Infallible> {
+        let at = Instant::now();
+        self.take(timeout, is_cancelled).map(|picture| Arrival { picture, at })
     }
 }
 

@@ -35,6 +35,6 @@ pub use input::Limits;
 pub use npy::{write_npy, write_npz};
 pub use pair_calibration::PairCalibration;
 pub use pfm::{pfm_bytes, read_pfm, read_pfm_within, write_pfm};
-pub use photo_poses::{PhotoGrid, PosedPhoto};
-pub use rig_file::{AlignmentRecord, FramePose, Provenance, Residual, Rig};
+pub use photo_poses::{PhotoGrid, PhotoLine, PosedPhoto};
+pub use rig_file::{AlignmentRecord, FramePose, Provenance, Residual, Rig, SweepFrame};
 pub use rig_list::ListedRig;

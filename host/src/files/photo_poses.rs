@@ -88,13 +88,7 @@ impl PhotoGrid {
     /// [`Error::Usage`] that names the photo that stands at no whole multiple of the baseline in the plane of the centre's
     /// image, is turned by more than 5 degrees, or has the place of another.
     pub fn of(photos: &[PosedPhoto], center: Option<&Path>, baseline: Option<f64>) -> Result<PhotoGrid> {
-        let center = match center {
-            Some(name) => photos.iter().find(|photo| photo.name == name).ok_or_else(|| {
-                let names: Vec<String> = photos.iter().take(8).map(|photo| photo.name.display().to_string()).collect();
-                Error::Usage(format!("no photo is named {}: there are {}", name.display(), names.join(", ")))
-            })?,
-            None => middle(photos).ok_or_else(|| Error::Usage("there are no photos".into()))?,
-        };
+        let center = named_or_middle(photos, center)?;
         let others: Vec<(&PosedPhoto, Vector3<f64>)> = photos
             .iter()
             .filter(|photo| !std::ptr::eq(*photo, center))
@@ -148,6 +142,51 @@ impl PhotoGrid {
         let of_view =
             |(view, [x, y]): (&View, &[f64; 2])| (x - f64::from(view.right())).abs().max((y - f64::from(view.down())).abs());
         self.places.iter().map(of_view).fold(0.0, f64::max)
+    }
+}
+
+/// Photos as a centre and the frames of a sweep, to its left and right at any distances.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhotoLine {
+    /// The file of the centre.
+    pub center: PathBuf,
+    /// The files of the others, and their distances to the right of the centre, in the unit of the places, in ascending order.
+    pub frames: Vec<(PathBuf, f64)>,
+}
+
+impl PhotoLine {
+    /// Arranges photos around the one of the name `center`, or else the one in the middle of all. `None` unless all of them, at
+    /// least two beside the centre, stand along the rows of its image and look the same way.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if there is no photo of this name.
+    pub fn of(photos: &[PosedPhoto], center: Option<&Path>) -> Result<Option<PhotoLine>> {
+        let center = named_or_middle(photos, center)?;
+        let others = photos.iter().filter(|photo| !std::ptr::eq(*photo, center));
+        let offset = |photo: &PosedPhoto| center.rotation.inverse() * (photo.position - center.position);
+        let mut frames: Vec<(PathBuf, f64)> = others.clone().map(|photo| (photo.name.clone(), offset(photo).x)).collect();
+        let farthest = frames.iter().map(|(_, right)| right.abs()).fold(0.0, f64::max);
+        let is_on_line = |photo: &PosedPhoto| {
+            let [_, down, ahead] = offset(photo).into();
+            let turn = center.rotation.angle_to(&photo.rotation).to_degrees();
+            f64::max(down.abs(), ahead.abs()) <= TOLERANCE * farthest && turn <= MAX_TURN_DEG
+        };
+        if frames.len() < 2 || !others.clone().all(is_on_line) {
+            return Ok(None);
+        }
+        frames.sort_by(|(_, a), (_, b)| a.total_cmp(b));
+        Ok(Some(PhotoLine { center: center.name.clone(), frames }))
+    }
+}
+
+/// The photo of a name, or else the one in the middle.
+fn named_or_middle<'a>(photos: &'a [PosedPhoto], name: Option<&Path>) -> Result<&'a PosedPhoto> {
+    match name {
+        Some(name) => photos.iter().find(|photo| photo.name == name).ok_or_else(|| {
+            let names: Vec<String> = photos.iter().take(8).map(|photo| photo.name.display().to_string()).collect();
+            Error::Usage(format!("no photo is named {}: there are {}", name.display(), names.join(", ")))
+        }),
+        None => middle(photos).ok_or_else(|| Error::Usage("there are no photos".into())),
     }
 }
 
@@ -221,6 +260,18 @@ mod tests {
         let images = PhotoGrid::of(&table(&text).unwrap(), Some("c".as_ref()), Some(20.0)).unwrap().images;
         let found = [View::RIGHT, View::LEFT, View::BOTTOM].map(|view| images.get(multiscopic_core::Frame::View(view)).unwrap());
         assert_eq!(found.map(|path| path.to_str().unwrap()), ["r", "l", "b"]);
+    }
+
+    #[test]
+    fn photos_along_a_row_are_a_sweep() {
+        let line = |text: &str| PhotoLine::of(&table(text).unwrap(), None).unwrap();
+        let found = line("name,x_mm,y_mm\na,0,0\nb,7.5,0.1\nc,-20,0\nd,13,-0.2\n").unwrap();
+        assert_eq!(found.center, Path::new("a"));
+        assert_eq!(found.frames, [("c".into(), -20.0), ("b".into(), 7.5), ("d".into(), 13.0)]);
+        assert_eq!(line("name,x_mm,y_mm\na,0,0\nb,7.5,2\nc,-20,0\n"), None, "beside the row");
+        assert_eq!(line("name,x_mm,y_mm\na,0,0\nb,7.5,0\n"), None, "two photos");
+        let turned = "name,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg\na,0,0,0,0,0,0\nb,7,0,0,0,6,0\nc,-9,0,0,0,0,0\n";
+        assert_eq!(line(turned), None, "turned");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    path::{Path, PathBuf},
+    path::{Component, Path, PathBuf},
     time::SystemTime,
 };
 
@@ -54,6 +54,25 @@ use crate::{
 /// # [alignment]                   # written by `align`: what was wrong with the images before
 /// ```
 ///
+/// The frames of a sweep, of a camera that slid along the rows of its images, take the place of the neighbours:
+///
+/// ```toml
+/// baseline_mm = 20.0              # the unit of disparities: the distance to the farthest frame
+/// focal_px = 1180.5
+///
+/// [images]
+/// center = "center.png"
+///
+/// [[sweep]]                       # each frame, at least two
+/// image = "001.png"               # in this folder
+/// offset_mm = -19.85              # the place of the camera to the right of the centre; negative to the left
+/// exposed = "2026-03-14T09:26:53.589Z"   # optional: the middle of its exposure
+///
+/// [[sweep]]
+/// image = "002.png"
+/// offset_mm = -18.52
+/// ```
+///
 /// ```no_run
 /// use multiscopic::{Frames, Rig};
 /// # let folder = std::path::Path::new("rig");
@@ -89,6 +108,9 @@ pub struct Rig {
     pub hand_eye: Option<PathBuf>,
     /// The image files.
     pub images: FrameFiles,
+    /// The frames of a sweep, which has no neighbours among the images.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sweep: Vec<SweepFrame>,
     /// The circumstances in which the images were captured.
     #[serde(default)]
     pub capture: Provenance,
@@ -150,6 +172,7 @@ impl Rig {
             mount_roll_deg: None,
             hand_eye: None,
             images,
+            sweep: Vec::new(),
             capture: Provenance::default(),
             poses: BTreeMap::new(),
             alignment: None,
@@ -186,6 +209,16 @@ impl Rig {
     /// Returns the pixel at which the optical axis meets images of a size.
     pub fn principal_point(&self, size: [usize; 2]) -> [f64; 2] {
         self.principal_point.unwrap_or(size.map(|side| (side as f64 - 1.0) / 2.0))
+    }
+
+    /// Refuses the rig of a sweep, for what needs views at whole baselines.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] that names what matches sweeps.
+    pub fn check_views(&self) -> Result<()> {
+        let message =
+            "these are the frames of a sweep, which stand between whole baselines: `multiscopic match RIG_DIR` matches them";
+        if self.sweep.is_empty() { Ok(()) } else { Err(Error::Usage(message.into())) }
     }
 
     /// The pose of the camera in a frame, if it is known.
@@ -242,11 +275,65 @@ impl Rig {
             return Err(Error::format(path, format!("mount_roll_deg = {angle}"), "-180 to 180 degrees"));
         }
         self.poses.iter().try_for_each(|(name, pose)| self.check_pose(path, name, pose))?;
+        if !self.sweep.is_empty() {
+            return self.check_sweep(path);
+        }
         if self.images.views().is_empty() {
             return Err(Error::format(path, "no neighbour in [images]", "at least one of left, right, top or bottom"));
         }
         Ok(())
     }
+
+    fn check_sweep(&self, path: &Path) -> Result<()> {
+        if !self.images.views().is_empty() {
+            return Err(Error::format(path, "[[sweep]] beside neighbours in [images]", "center alone in [images]"));
+        }
+        let Some(baseline_mm) = self.baseline_mm else {
+            return Err(Error::format(path, "[[sweep]] without baseline_mm", "the distance to its farthest frame"));
+        };
+        if self.sweep.len() < 2 {
+            return Err(Error::format(path, "one frame in [[sweep]]", "at least two"));
+        }
+        let is_near = |frame: &SweepFrame| (frame.offset_mm.abs() / baseline_mm - 1.0).abs() <= SweepFrame::TOLERANCE;
+        if !self.sweep.iter().any(is_near) {
+            let expected = format!("a frame within {} % of that, to the left or right", 100.0 * SweepFrame::TOLERANCE);
+            return Err(Error::format(path, format!("no frame in [[sweep]] at baseline_mm = {baseline_mm}"), expected));
+        }
+        let most = f64::from(View::MAX_OFFSET) * baseline_mm;
+        self.sweep.iter().try_for_each(|SweepFrame { image, offset_mm, .. }| {
+            let name = image.display();
+            if !image.components().all(|part| matches!(part, Component::Normal(_))) || image.as_os_str().is_empty() {
+                return Err(Error::format(path, format!("image = \"{name}\" in [[sweep]]"), "the name of a file in this folder"));
+            }
+            match offset_mm.abs() <= most {
+                true => Ok(()),
+                false => Err(Error::format(
+                    path,
+                    format!("offset_mm = {offset_mm} of {name}"),
+                    format!("at most {} baselines, {most} mm, to each side", View::MAX_OFFSET),
+                )),
+            }
+        })
+    }
+}
+
+/// A frame of a sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SweepFrame {
+    /// The file, in the folder of the rig.
+    pub image: PathBuf,
+    /// The place of the camera to the right of the centre in the middle of the frame's exposure, in millimetres: at most 16
+    /// baselines to each side.
+    pub offset_mm: f64,
+    /// The middle of the time within which it was exposed.
+    #[serde(default, with = "utc", skip_serializing_if = "Option::is_none")]
+    pub exposed: Option<SystemTime>,
+}
+
+impl SweepFrame {
+    /// The difference to the baseline, as a share of it, up to which a frame shows the disparities of a view at the baseline.
+    pub const TOLERANCE: f64 = 0.05;
 }
 
 /// The place from which a frame was taken, and the time.
@@ -393,6 +480,40 @@ mod tests {
         let images = rig.images.within(Path::new("rig"));
         assert!(images.paths().eq(["rig/center.png", "/data/right.png"].map(Path::new)));
         assert_eq!(images.get(Frame::View(View::TOP)), None);
+    }
+
+    const SWEEP: &str = "baseline_mm = 20.0\n[images]\ncenter = \"c.png\"\n[[sweep]]\nimage = \"1.png\"\noffset_mm = -20.0\n\
+                         [[sweep]]\nimage = \"2.png\"\noffset_mm = 3.5\nexposed = \"2026-03-14T09:26:53.589Z\"\n";
+
+    #[test]
+    fn loads_the_frames_of_a_sweep() {
+        let rig = load(SWEEP).unwrap();
+        assert_eq!(rig.sweep.iter().map(|frame| frame.offset_mm).collect::<Vec<_>>(), [-20.0, 3.5]);
+        assert!(rig.sweep[0].exposed.is_none() && rig.sweep[1].exposed.is_some());
+        assert!(rig.check_views().unwrap_err().to_string().contains("`multiscopic match RIG_DIR`"));
+        assert!(load(TEXT).unwrap().check_views().is_ok());
+        let dir = tempfile::tempdir().unwrap();
+        rig.save(dir.path()).unwrap();
+        assert_eq!(Rig::load(dir.path()).unwrap(), rig);
+    }
+
+    #[test]
+    fn sweeps_that_make_no_sense_are_refused() {
+        for (from, to, expected) in [
+            ("offset_mm = 3.5", "offset_mm = inf", "offset_mm = inf of 2.png, expected at most 16 baselines, 320 mm"),
+            ("offset_mm = 3.5", "offset_mm = nan", "offset_mm = NaN of 2.png"),
+            ("offset_mm = 3.5", "offset_mm = -320.1", "offset_mm = -320.1 of 2.png"),
+            ("-20.0", "-18.9", "no frame in [[sweep]] at baseline_mm = 20, expected a frame within 5 % of that"),
+            ("2.png", "../2.png", "image = \"../2.png\" in [[sweep]], expected the name of a file in this folder"),
+            ("2.png", "/2.png", "image = \"/2.png\" in [[sweep]]"),
+            ("baseline_mm = 20.0", "", "[[sweep]] without baseline_mm"),
+            ("[[sweep]]\nimage = \"1.png\"", "left = \"l.png\"\n[[sweep]]\nimage = \"1.png\"", "[[sweep]] beside neighbours"),
+            ("[[sweep]]\nimage = \"1.png\"\noffset_mm = -20.0\n", "", "one frame in [[sweep]], expected at least two"),
+        ] {
+            assert!(SWEEP.contains(from));
+            let message = load(&SWEEP.replace(from, to)).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
     }
 
     #[test]

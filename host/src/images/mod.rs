@@ -8,6 +8,7 @@ mod frames;
 mod geometry;
 mod interpolated;
 pub mod montage;
+mod noise;
 mod picture;
 mod transform;
 
@@ -21,5 +22,6 @@ pub use geometry::Geometry;
 pub(crate) use geometry::shrunk_point;
 pub use interpolated::SampledDisplacements;
 pub(crate) use interpolated::{InterpolatedImage, extended_pixel};
+pub use noise::noise;
 pub use picture::{BitDepth, ImageRegion, Picture};
 pub use transform::Transform;

@@ -124,6 +124,7 @@ mod tests {
         let mut rig = Rig {
             mount_rotation_deg: Some([0.0, 3.0, 0.0]),
             mount_roll_deg: Some(30.0),
+            sweep: Vec::new(),
             poses: [
                 ("center".into(), pose(Some([0.1, 0.0]))),
                 ("left".into(), pose(Some([-19.9, 0.05]))),

@@ -186,6 +186,7 @@ fn capture(folder: &Path) {
         lens: Some(CameraModel::FILE_NAME.into()),
         mount_rotation_deg: Some(rest.rotation_deg),
         mount_roll_deg: Some(roll.to_degrees()),
+        sweep: Vec::new(),
         hand_eye: Some(HandEye::FILE_NAME.into()),
         poses,
         ..Rig::of_pair(None, FrameFiles::of_capture(frames.views()))

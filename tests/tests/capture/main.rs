@@ -17,3 +17,5 @@ mod http;
 mod path;
 mod sequence;
 mod simulated;
+#[cfg(unix)]
+mod sweep;

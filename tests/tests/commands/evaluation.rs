@@ -202,6 +202,7 @@ fn capture_wall(folder: &Path, camera: &PinholeCamera, turned: [f64; 2], seed: u
         lens: None,
         mount_rotation_deg: None,
         mount_roll_deg: None,
+        sweep: Vec::new(),
         hand_eye: None,
         poses: Default::default(),
         images,

@@ -25,6 +25,11 @@ pub fn warnings(preparation: &MatchSetup, disparities: &DisparityMap, search: &S
     preparation.warnings(disparities, search).iter().map(warning).collect()
 }
 
+/// The message of a warning about the frames of a sweep, which are not aligned.
+pub fn of_sweep(message: &str) -> String {
+    message.replace("align the views (--align)", "turn the camera square to its stage, or capture with --mount")
+}
+
 /// The message if no pixel of a frame from the firmware's pipeline has a disparity.
 pub fn no_disparity(disparities: &DisparityMap) -> Option<&'static str> {
     let is_empty = disparities.range().is_none();

@@ -2,13 +2,13 @@
 
 use std::{
     sync::{Arc, OnceLock, atomic::AtomicBool},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use multiscopic::{
     Error, Picture, Result,
     capture::{
-        BlockingCamera, SimulatedCamera,
+        Arrival, BlockingCamera, SimulatedCamera,
         camera::{ExecCamera, HttpCamera, V4l2Camera},
     },
 };
@@ -76,9 +76,7 @@ impl BlockingCamera for AnyCamera {
         match self {
             AnyCamera::V4l2(camera, note) => {
                 let picture = camera.take(timeout, is_cancelled)?;
-                if let Some(unlocked) = unlocked_note(camera) {
-                    let _ = note.set(unlocked);
-                }
+                note_unlocked(camera, note);
                 Ok(picture)
             }
             AnyCamera::Exec(camera) => Ok(camera.take(timeout, is_cancelled)?),
@@ -86,14 +84,28 @@ impl BlockingCamera for AnyCamera {
             AnyCamera::Simulated(camera) => camera.take(timeout, is_cancelled).map_err(|never| match never {}),
         }
     }
+
+    fn next(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Arrival> {
+        match self {
+            AnyCamera::V4l2(camera, note) => {
+                let arrival = camera.next(timeout, is_cancelled)?;
+                note_unlocked(camera, note);
+                Ok(arrival)
+            }
+            AnyCamera::Simulated(camera) => camera.next(timeout, is_cancelled).map_err(|never| match never {}),
+            AnyCamera::Exec(_) | AnyCamera::Http(_) => {
+                self.take(timeout, is_cancelled).map(|picture| Arrival { picture, at: Instant::now() })
+            }
+        }
+    }
 }
 
-/// The note on what a camera does not lock though it should. `None` if there is nothing.
-fn unlocked_note(camera: &V4l2Camera) -> Option<String> {
-    let (last, others) = camera.unlocked().split_last()?;
+/// Notes what a camera does not lock though it should, if there is something.
+fn note_unlocked(camera: &V4l2Camera, note: &UnlockedNote) {
+    let Some((last, others)) = camera.unlocked().split_last() else { return };
     let names = if others.is_empty() { (*last).into() } else { format!("{} and {last}", others.join(", ")) };
-    Some(format!(
+    let _ = note.set(format!(
         "the camera does not let its {names} be locked, so pictures may differ in brightness or sharpness: keep the light constant; \
          `match --align` evens out brightness"
-    ))
+    ));
 }

@@ -11,7 +11,7 @@ use clap::Args;
 use multiscopic::{
     Error, Result,
     capture::{
-        Imperfections, SimulatedCamera, ThreadedCamera,
+        Clock, Imperfections, SimulatedCamera, SystemClock, ThreadedCamera,
         camera::{self, CameraInfo, FrameSizes},
         stage::{self, AnyStage, FollowedStage, Limits, SimulatedPlace, SimulatedStage, StageImperfections, StageSpec},
     },
@@ -63,6 +63,12 @@ impl Hardware {
     ///
     /// From then on, Ctrl-C no longer ends the program.
     pub fn open(options: &HardwareOptions) -> Result<Hardware> {
+        Hardware::open_with_clock(options, Arc::new(SystemClock))
+    }
+
+    /// Opens hardware like [`open`](Hardware::open), with a simulated stage that moves in the time of `clock` if the camera is
+    /// simulated, too.
+    pub fn open_with_clock(options: &HardwareOptions, clock: Arc<dyn Clock>) -> Result<Hardware> {
         let interrupts = signals::count(usize::MAX);
         let (limits, settings) = (options.limits.limits()?, options.settings.settings());
         let frame_timeout = options.settings.frame_timeout()?;
@@ -93,7 +99,7 @@ impl Hardware {
                 if let (Some(lens), Some(path)) = (&imperfections.lens, file) {
                     lens.check_size(path, size.map(|side| side as usize))?;
                 }
-                let (stage, place, note) = followed_stage(&options.stage, &limits, imperfections.stage)?;
+                let (stage, place, note) = followed_stage(&options.stage, &limits, imperfections.stage, clock)?;
                 let camera = SimulatedCamera::new(PinholeCamera::new(size[0], size[1]), &imperfections, place);
                 let simulated = Some(camera.clone());
                 let name = camera.to_string();
@@ -129,9 +135,10 @@ fn followed_stage(
     spec: &StageSpec,
     limits: &Limits,
     imperfections: StageImperfections,
+    clock: Arc<dyn Clock>,
 ) -> Result<(AnyStage, SimulatedPlace, Option<String>)> {
     if *spec == StageSpec::Simulated {
-        let stage = SimulatedStage::new(limits, imperfections)?;
+        let stage = SimulatedStage::with_clock(limits, imperfections, clock)?;
         let place = stage.place();
         return Ok((AnyStage::new(stage), place, None));
     }

@@ -135,6 +135,7 @@ pub fn rig(camera: &PinholeCamera, views: Views, what: String) -> Rig {
         lens: None,
         mount_rotation_deg: None,
         mount_roll_deg: None,
+        sweep: Vec::new(),
         hand_eye: None,
         poses: BTreeMap::new(),
         images: FrameFiles::of_capture(views),

@@ -52,6 +52,10 @@ impl<S: Stage> Stage for TurnedStage<S> {
 }
 
 impl<S: PosedStage> PosedStage for TurnedStage<S> {
+    fn is_tracked(&self) -> bool {
+        self.stage.is_tracked()
+    }
+
     fn pose(&mut self) -> Result<Option<Transform>, S::Error> {
         self.stage.pose()
     }
@@ -103,6 +107,10 @@ impl<S: Stage> Stage for FollowedStage<S> {
 }
 
 impl<S: PosedStage> PosedStage for FollowedStage<S> {
+    fn is_tracked(&self) -> bool {
+        self.stage.is_tracked()
+    }
+
     fn pose(&mut self) -> Result<Option<Transform>, S::Error> {
         self.stage.pose()
     }
@@ -139,6 +147,10 @@ impl Stage for AnyStage {
 }
 
 impl PosedStage for AnyStage {
+    fn is_tracked(&self) -> bool {
+        self.0.is_tracked()
+    }
+
     fn pose(&mut self) -> Result<Option<Transform>, StageError> {
         self.0.pose()
     }

@@ -61,6 +61,18 @@ impl Limits {
         Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
     }
 
+    /// The way in millimetres that a move of `distance_mm` has come `elapsed` after it began: from rest to rest, at this
+    /// acceleration and speed.
+    pub fn travelled_mm(&self, distance_mm: f64, elapsed: Duration) -> f64 {
+        let (whole, time) = (self.travel_time(distance_mm).as_secs_f64(), elapsed.as_secs_f64());
+        let Limits { speed_mm_s: speed, acceleration_mm_s2: acceleration, .. } = *self;
+        // The way back from the end is the same.
+        let since_rest = time.min(whole - time).max(0.0);
+        let ramp = since_rest.min(speed / acceleration);
+        let way = acceleration * ramp * ramp / 2.0 + speed * (since_rest - ramp);
+        if 2.0 * time <= whole { way } else { distance_mm - way }
+    }
+
     /// Fails if a limit is out of range.
     pub(super) fn check(&self) -> Result<(), StageError> {
         let numbers = [
@@ -131,6 +143,18 @@ mod tests {
         // Half a second and 12.5 mm to reach the speed, and as much to stop.
         assert_eq!([seconds(0.0), seconds(25.0), seconds(75.0)], [0.0, 1.0, 2.0]);
         assert!((seconds(1.0) - 0.2).abs() < 1e-9);
+    }
+
+    #[test]
+    fn moves_are_at_constant_speed_between_their_ramps() {
+        let limits = Limits { speed_mm_s: 50.0, acceleration_mm_s2: 100.0, ..Limits::default() };
+        let travelled = |mm: f64, seconds: f64| limits.travelled_mm(mm, Duration::from_secs_f64(seconds));
+        assert_eq!(
+            [0.0, 0.1, 0.5, 0.75, 1.25, 1.5, 2.0, 9.0].map(|s| travelled(75.0, s)),
+            [0.0, 0.5, 12.5, 25.0, 50.0, 62.5, 75.0, 75.0]
+        );
+        // A short move never reaches the speed.
+        assert!((travelled(1.0, 0.1) - 0.5).abs() < 1e-9 && travelled(1.0, 0.2) == 1.0);
     }
 
     #[test]

@@ -14,4 +14,10 @@ pub trait PosedStage: Stage {
     fn pose(&mut self) -> Result<Option<Transform>, Self::Error> {
         Ok(None)
     }
+
+    /// Returns true if a move has a constant speed but for its ramps, and [`Stage::position`] tells where the stage is meanwhile:
+    /// what a sweep needs.
+    fn is_tracked(&self) -> bool {
+        false
+    }
 }

@@ -137,10 +137,10 @@ impl SimulatedStage {
     fn update(&mut self) -> bool {
         let target = [self.target.x_um, self.target.y_um].map(|um| f64::from(um) / 1000.0);
         let way = [target[0] - self.from[0], target[1] - self.from[1]];
-        let whole = self.limits.travel_time(way[0].hypot(way[1]));
-        let share = match whole.is_zero() {
-            true => 1.0,
-            false => (self.elapsed().as_secs_f64() / whole.as_secs_f64()).min(if self.is_stuck() { 0.5 } else { 1.0 }),
+        let length = way[0].hypot(way[1]);
+        let share = match length > 0.0 {
+            true => (self.limits.travelled_mm(length, self.elapsed()) / length).min(if self.is_stuck() { 0.5 } else { 1.0 }),
+            false => 1.0,
         };
         self.drive([self.from[0] + share * way[0], self.from[1] + share * way[1]]);
         share >= 1.0
@@ -214,6 +214,10 @@ impl Stage for SimulatedStage {
 /// It measures what an arm does, in the frame of the place where it was opened: where its drives are, and by how much a move missed
 /// its target and turned the camera. Play, and axes that are skew or of another scale, it does not notice.
 impl PosedStage for SimulatedStage {
+    fn is_tracked(&self) -> bool {
+        true
+    }
+
     fn pose(&mut self) -> Result<Option<Transform>, StageError> {
         self.update();
         let ([x, y], ([miss_x, miss_y], rotation_deg)) = (self.driven, self.miss);

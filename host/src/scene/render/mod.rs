@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use self::rays::{RUN, Rays};
 use super::{
     description::{Scene, Shot},
-    geometry::{Ray, Vec3},
+    geometry::{Pose, Ray, Vec3},
     hash,
     pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
 };
@@ -48,7 +48,13 @@ pub fn render_views(scene: &Scene, camera: &PinholeCamera, views: Views, seed: u
 
 /// Renders what a camera sees of a scene: black where its lens sees nothing. The seed decides the sensor's noise.
 pub fn render_at(scene: &Scene, camera: &PosedCamera, seed: u64) -> RgbImage {
-    render_image(&Tracer::new(scene, Quality::Fine), camera, hash(seed))
+    render_moving(scene, camera, |_| vec![camera.pose], seed)
+}
+
+/// Renders what a camera sees of a scene while it moves, as [`render_at`] does: each row is the mean of what it sees from the
+/// places that `poses` gives for the row.
+pub fn render_moving(scene: &Scene, camera: &PosedCamera, poses: impl Fn(u32) -> Vec<Pose> + Sync, seed: u64) -> RgbImage {
+    render_image(&Tracer::new(scene, Quality::Fine), camera, poses, hash(seed))
 }
 
 fn render_frame(tracer: &Tracer, camera: &PinholeCamera, frame: Frame, seed: u64) -> RgbImage {
@@ -58,15 +64,23 @@ fn render_frame(tracer: &Tracer, camera: &PinholeCamera, frame: Frame, seed: u64
         // Eight frames have seeds beside those of the next scene.
         _ => hash(hash(seed) ^ number << 32),
     };
-    render_image(tracer, &PosedCamera::beside(&tracer.scene.viewpoint, camera, camera.position(frame, seed)), frame_seed)
+    let camera = PosedCamera::beside(&tracer.scene.viewpoint, camera, camera.position(frame, seed));
+    render_image(tracer, &camera, |_| vec![camera.pose], frame_seed)
 }
 
-fn render_image(tracer: &Tracer, camera: &PosedCamera, seed: u64) -> RgbImage {
+fn render_image(tracer: &Tracer, camera: &PosedCamera, poses: impl Fn(u32) -> Vec<Pose> + Sync, seed: u64) -> RgbImage {
     let PinholeCamera { width, height, .. } = camera.sensor;
     let rays = Rays::new(camera);
     let mut image = RgbImage::new(width, height);
     image.par_chunks_exact_mut(3 * width as usize).zip(0..height).for_each(|(row, v)| {
-        for (pixel, (u, light)) in row.chunks_exact_mut(3).zip(light_of_row(tracer, &rays, width, v)) {
+        let poses = poses(v);
+        let mut sums = vec![Vec3::ZERO; width as usize];
+        for pose in &poses {
+            let rays = rays.at(*pose);
+            sums.iter_mut().zip(light_of_row(tracer, &rays, width, v)).for_each(|(sum, light)| *sum = *sum + light);
+        }
+        for ((pixel, sum), u) in row.chunks_exact_mut(3).zip(sums).zip(0..) {
+            let light = if poses.len() == 1 { sum } else { sum * (1.0 / poses.len() as f64) };
             pixel.copy_from_slice(&develop(&camera.sensor, light, pixel_hash(seed, u, v)));
         }
     });
@@ -82,16 +96,16 @@ pub fn pixel_hash(seed: u64, u: u32, v: u32) -> u64 {
 pub fn light_image(tracer: &Tracer, camera: &PosedCamera) -> Raster<Vec3> {
     let PinholeCamera { width, height, .. } = camera.sensor;
     let rays = Rays::new(camera);
-    let row = |v: u32| light_of_row(tracer, &rays, width, v).map(|(_, light)| light).collect::<Vec<_>>();
+    let row = |v: u32| light_of_row(tracer, &rays, width, v).collect::<Vec<_>>();
     let pixels = (0..height).into_par_iter().flat_map_iter(row).collect();
     Raster::new(width as usize, height as usize, pixels)
 }
 
-/// The columns of row `v` and the light that falls on their pixels.
-fn light_of_row(tracer: &Tracer, rays: &Rays, width: u32, v: u32) -> impl Iterator<Item = (u32, Vec3)> {
+/// The light that falls on the pixels of row `v`.
+fn light_of_row(tracer: &Tracer, rays: &Rays, width: u32, v: u32) -> impl Iterator<Item = Vec3> {
     (0..width).step_by(RUN as usize).flat_map(move |first| {
         let objects = objects_in_run(tracer, rays, first, v);
-        (first..width.min(first + RUN)).map(move |u| (u, light(tracer, rays, &objects, u, v)))
+        (first..width.min(first + RUN)).map(move |u| light(tracer, rays, &objects, u, v))
     })
 }
 
@@ -171,7 +185,7 @@ mod tests {
     use multiscopic_core::View;
 
     use super::*;
-    use crate::scene::{Finish, Lamp, Object, Placement, Pose, Shape, Texture};
+    use crate::scene::{Finish, Lamp, Object, Placement, Shape, Texture};
 
     /// A scene of one matte object, seen along `z`.
     fn scene_of(shape: Shape, pose: Pose) -> Scene {

@@ -1,5 +1,7 @@
 //! The rays of a camera with a lens, quickly.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use crate::{
@@ -20,9 +22,9 @@ pub const RUN: u32 = 16;
 const STEP: f64 = 4.0;
 
 /// The rays of a camera. Undistorting a lens takes long, so it is done on a grid, and rays between its places are interpolated.
-pub struct Rays<'a> {
-    camera: &'a PosedCamera,
-    grid: Option<Grid>,
+pub struct Rays {
+    camera: PosedCamera,
+    grid: Option<Arc<Grid>>,
 }
 
 /// The directions of places [`STEP`] pixels apart, from half a step outside the top left pixel on, row by row.
@@ -31,9 +33,14 @@ struct Grid {
     directions: Vec<Option<[f64; 2]>>,
 }
 
-impl<'a> Rays<'a> {
-    pub fn new(camera: &'a PosedCamera) -> Rays<'a> {
-        Rays { camera, grid: camera.lens.as_ref().map(|lens| Grid::new(&camera.sensor, lens)) }
+impl Rays {
+    pub fn new(camera: &PosedCamera) -> Rays {
+        Rays { camera: *camera, grid: camera.lens.as_ref().map(|lens| Arc::new(Grid::new(&camera.sensor, lens))) }
+    }
+
+    /// The rays of the same camera elsewhere.
+    pub fn at(&self, pose: Pose) -> Rays {
+        Rays { camera: PosedCamera { pose, ..self.camera }, grid: self.grid.clone() }
     }
 
     /// The ray through image point `(u, v)`, which lies within the image or less than half a step beside it.

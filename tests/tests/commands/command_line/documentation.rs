@@ -28,8 +28,9 @@ const LEFT_OUT: [(&str, &str); 11] = [
 const HARDWARE: [(&str, &str); 3] = [("/dev/video0", "sim"), ("ur10:192.168.0.10", "sim"), ("gcode:/dev/ttyUSB0", "sim")];
 
 /// Options that make commands quick, or keep them from opening a browser.
-const QUICK: [(&str, &str); 3] = [
-    ("multiscopic capture", "--speed 250 --acceleration 1200 --settle 0 --size 160x120"),
+const QUICK: [(&str, &str); 4] = [
+    ("multiscopic capture --sweep", "--size 160x120"),
+    ("multiscopic capture --camera", "--speed 250 --acceleration 1200 --settle 0 --size 160x120"),
     ("multiscopic view", "--no-open"),
     ("multiscopic demo", "--width 64 --height 48"),
 ];

@@ -4,6 +4,7 @@
 mod live_recording;
 mod long_baseline;
 mod recorder;
+mod sweep;
 mod until;
 
 use std::{
@@ -11,14 +12,14 @@ use std::{
     num::NonZeroU32,
     path::{Path, PathBuf},
     process::ExitCode,
-    sync::atomic::Ordering,
+    sync::{Arc, atomic::Ordering},
 };
 
 use clap::Args;
 use multiscopic::{
     Engine, Error, Result,
     capture::{
-        Accuracy, SimulatedCamera,
+        Accuracy, Clock, SimulatedCamera, SystemClock,
         stage::{AnyStage, TurnedStage},
     },
     files::output,
@@ -57,11 +58,11 @@ pub struct Capture {
     output: PathBuf,
 
     /// Capture repeatedly until Ctrl-C
-    #[arg(long, conflicts_with_all = ["accuracy", "until"])]
+    #[arg(long, conflicts_with_all = ["accuracy", "until", "sweep"])]
     live: bool,
 
     /// Page to look at the capture, matched by blocks, see `multiscopic view`
-    #[arg(long, value_name = "FILE.html", conflicts_with = "live", value_parser = output_file::html())]
+    #[arg(long, value_name = "FILE.html", conflicts_with_all = ["live", "sweep"], value_parser = output_file::html())]
     report: Option<PathBuf>,
 
     /// Number of captures with --live [default: no limit]
@@ -96,6 +97,9 @@ impl Capture {
         // A page in the folder can be written once the folder is there.
         if let Some(page) = self.report.as_deref().filter(|page| !page.starts_with(&self.output)) {
             output::check(&[page], &[])?;
+        }
+        if let Some(length_mm) = self.recorder.layout.sweep {
+            return self.sweep(length_mm);
         }
         let mut recorder = self.recorder.recorder()?;
         if self.live {
@@ -191,10 +195,20 @@ impl RecorderOptions {
     ///
     /// From then on, Ctrl-C no longer ends the program.
     pub fn recorder(&self) -> Result<Recorder> {
+        if self.layout.sweep.is_some() {
+            return Err(Error::Usage("--sweep is for `multiscopic capture`".into()));
+        }
+        let baseline_um = self.layout.baseline_um()?;
+        let recorder = self.bare_recorder(baseline_um, Arc::new(SystemClock))?;
+        self.with_layout(recorder)
+    }
+
+    /// A recorder that takes the centre alone.
+    fn bare_recorder(&self, baseline_um: u32, clock: Arc<dyn Clock>) -> Result<Recorder> {
         let lens = self.lens.as_deref().map(read_lens).transpose()?;
         let hand_eye = self.hand_eye.as_deref().map(HandEye::read).transpose()?;
         let mount = self.mount.as_deref().map(Mount::read).transpose()?.or(hand_eye.map(|hand_eye| hand_eye.mount()));
-        let mut hardware = Hardware::open(&self.hardware)?;
+        let mut hardware = Hardware::open_with_clock(&self.hardware, clock)?;
         if let Some(lens) = &lens {
             lens.camera.check_size(&lens.path, hardware.size.map(|side| side as usize))?;
             lens.check_focal(self.focal_px, "--focal-px")?;
@@ -211,12 +225,19 @@ impl RecorderOptions {
             }
             hardware.stage = AnyStage::new(TurnedStage::new(hardware.stage, mount.split_roll().0));
         }
+        let plan = Plan::new(Views::NONE, baseline_um);
+        Ok(Recorder { plan, baseline_um, extension: None, focal_px, lens, mount, hand_eye, hardware })
+    }
+
+    /// The recorder with the frames that are asked for.
+    fn with_layout(&self, recorder: Recorder) -> Result<Recorder> {
+        let Recorder { baseline_um, focal_px, ref hardware, .. } = recorder;
         let asked = self.layout.accuracy.map(|accuracy| format!("--accuracy {accuracy}"));
         let asked = asked.or(self.layout.until.map(|goal| format!("--until \"{goal}\"")));
         if let (Some(option), None) = (&asked, focal_px) {
             return Err(Error::Usage(format!("{option} needs the focal length in pixels: give --focal-px or --lens")));
         }
-        let (baseline_um, mut views) = (self.layout.baseline_um()?, self.layout.views()?);
+        let mut views = self.layout.views()?;
         let (search, reach_um) = (self.search.clone(), hardware.limits.reach_um);
         let extension = match (self.layout.accuracy, self.layout.until) {
             (Some(accuracy), _) => {
@@ -231,7 +252,7 @@ impl RecorderOptions {
             (None, None) => None,
         };
         let plan = Plan::new(views, baseline_um).shortened(hardware.policy.backlash_um);
-        Ok(Recorder { plan, baseline_um, extension, focal_px, lens, mount, hand_eye, hardware })
+        Ok(Recorder { plan, extension, ..recorder })
     }
 }
 
@@ -240,7 +261,7 @@ impl RecorderOptions {
 #[command(next_help_heading = "Layout")]
 struct LayoutOptions {
     /// Distance from the centre to each neighbour, in millimetres
-    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, required_unless_present = "baselines")]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, required_unless_present_any = ["baselines", "sweep"])]
     baseline: Option<f64>,
 
     /// Several baselines in millimetres, such as 5,20,80: whole multiples of the first, up to 16. At the first one the whole
@@ -269,6 +290,20 @@ struct LayoutOptions {
     /// multiple of the baseline, until it is so or nothing helps; needs the focal length. Exits with 1 if it is not reached
     #[arg(long, value_name = "SHARE % within MM mm", conflicts_with_all = ["baselines", "accuracy"])]
     until: Option<Goal>,
+
+    /// Frames without stopping: the stage slides the camera at --speed from half this length in millimetres to the left of the centre
+    /// to as far right, and back, while the camera runs free. The images tell the delay between them
+    #[arg(
+        long,
+        value_name = "MM",
+        value_parser = positive,
+        allow_negative_numbers = true,
+        conflicts_with_all = [
+            "baseline", "baselines", "views", "layout", "accuracy", "until", "average", "retries", "tolerance", "backlash",
+            "min_disparity", "num_disparities", "block_size"
+        ]
+    )]
+    sweep: Option<f64>,
 
     /// Most neighbours that --until takes
     #[arg(long, value_name = "N", default_value_t = 12, requires = "until", value_parser = clap::value_parser!(u8).range(1..=Views::MAX as i64))]

@@ -123,20 +123,8 @@ impl Recorder {
         let simulated = self.hardware.simulated.as_ref();
         let truth = simulated.and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
         output::write_folder(folder, |folder| {
-            if let Some(truth) = &truth {
-                multiscopic::files::write_pfm(truth, &folder.join(TRUTH_FILE_NAME))?;
-            }
             frames.save(&rig.images.within(folder))?;
-            output::write(&folder.join(CaptureLog::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;
-            if let Some(lens) = &self.lens {
-                lens.camera.save(&folder.join(CameraModel::FILE_NAME))?;
-            }
-            if let Some(hand_eye) = &self.hand_eye {
-                hand_eye.save(&folder.join(HandEye::FILE_NAME))?;
-            } else if let Some(mount) = &self.mount {
-                mount.save(&folder.join(Mount::FILE_NAME))?;
-            }
-            rig.save(folder)
+            self.save(folder, &rig, truth.as_ref(), &log)
         })?;
         let frames = frames.without_color();
         let [width, height] = frames.size();
@@ -246,7 +234,24 @@ impl Recorder {
         }
     }
 
-    fn rig(&self, frames: &Frames, date: String, notes: Option<String>) -> Rig {
+    /// Writes all files of a capture but the images.
+    pub(super) fn save(&self, folder: &Path, rig: &Rig, truth: Option<&FloatImage>, log: &CaptureLog) -> Result<()> {
+        if let Some(truth) = truth {
+            multiscopic::files::write_pfm(truth, &folder.join(TRUTH_FILE_NAME))?;
+        }
+        output::write(&folder.join(CaptureLog::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;
+        if let Some(lens) = &self.lens {
+            lens.camera.save(&folder.join(CameraModel::FILE_NAME))?;
+        }
+        if let Some(hand_eye) = &self.hand_eye {
+            hand_eye.save(&folder.join(HandEye::FILE_NAME))?;
+        } else if let Some(mount) = &self.mount {
+            mount.save(&folder.join(Mount::FILE_NAME))?;
+        }
+        rig.save(folder)
+    }
+
+    pub(super) fn rig(&self, frames: &Frames, date: String, notes: Option<String>) -> Rig {
         let lens = self.lens.as_ref().map(|lens| lens.camera);
         let middle = frames.size().map(|side| (side as f64 - 1.0) / 2.0);
         Rig {
@@ -258,6 +263,7 @@ impl Recorder {
             mount_rotation_deg: self.mount.map(|mount| mount.split_roll().1.rotation_deg),
             hand_eye: self.hand_eye.map(|_| HandEye::FILE_NAME.into()),
             mount_roll_deg: self.mount.map(|mount| mount.split_roll().0.to_degrees()),
+            sweep: Vec::new(),
             images: FrameFiles::of_capture(frames.views()),
             alignment: None,
             poses: BTreeMap::new(),
@@ -273,19 +279,19 @@ impl Recorder {
 }
 
 /// A length without digits that no stage measures.
-fn to_tenths_of_micrometres(mm: f64) -> f64 {
+pub(super) fn to_tenths_of_micrometres(mm: f64) -> f64 {
     (mm * 1e4).round() / 1e4
 }
 
 /// Returns what makes the frames of a rig ideal, unless they are.
-fn undistortion(rig: &Rig, lens: &Option<LensFile>, size: [usize; 2]) -> Result<Option<Undistortion>> {
+pub(super) fn undistortion(rig: &Rig, lens: &Option<LensFile>, size: [usize; 2]) -> Result<Option<Undistortion>> {
     let calibration = LensFile::with_mount(lens.clone(), rig, Path::new(Rig::FILE_NAME));
     calibration.map(|calibration| calibration.undistortion(size)).transpose()
 }
 
 /// The true disparities of a simulated capture, as `match` should find them: those of the points that each pixel of the centre
 /// shows after the rig's lens and mount have been taken out, at its focal length and baseline.
-fn true_disparities(camera: &SimulatedCamera, rig: &Rig, undistortion: Option<&Undistortion>) -> Option<FloatImage> {
+pub(super) fn true_disparities(camera: &SimulatedCamera, rig: &Rig, undistortion: Option<&Undistortion>) -> Option<FloatImage> {
     let ([width, height], focal_px, baseline_mm) = (camera.size().map(|side| side as usize), rig.focal_px?, rig.baseline_mm?);
     let place = |k: usize| {
         let (u, v) = (k % width, k / width);
@@ -345,24 +351,24 @@ fn path(hardware: &Hardware, plan: &Plan) -> String {
 
 /// The text of `capture.log`: when and with what the capture was made, then its steps with their times.
 #[derive(Clone, Debug)]
-struct CaptureLog(String);
+pub(super) struct CaptureLog(String);
 
 impl CaptureLog {
     /// Its file, within the folder of the capture.
     const FILE_NAME: &str = "capture.log";
 
     /// A log that has its header.
-    fn new(date: &str, camera: &str, stage: &str) -> CaptureLog {
+    pub(super) fn new(date: &str, camera: &str, stage: &str) -> CaptureLog {
         CaptureLog(format!("{date}\ncamera: {camera}\nstage: {stage}\n"))
     }
 
     /// Adds a step that began `elapsed` after the capture did.
-    fn add(&mut self, elapsed: Duration, step: &str) {
+    pub(super) fn add(&mut self, elapsed: Duration, step: &str) {
         let _ = writeln!(self.0, "{:9.3} s  {step}", elapsed.as_secs_f64());
     }
 
     /// Adds a line about the capture as a whole.
-    fn note(&mut self, note: &str) {
+    pub(super) fn note(&mut self, note: &str) {
         let _ = writeln!(self.0, "{note}");
     }
 

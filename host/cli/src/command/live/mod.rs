@@ -121,6 +121,8 @@ impl Args for LiveSource {
         let command = needed.iter().fold(command, |command, id| {
             command.mut_arg(id, |arg| arg.required(false).required_unless_present(RIG).conflicts_with(RIG))
         });
+        // It is for `capture`.
+        let command = command.mut_arg("sweep", |arg| arg.hide(true));
         command.arg(
             Arg::new(RIG)
                 .value_name("RIG_DIR")

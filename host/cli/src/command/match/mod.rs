@@ -2,6 +2,7 @@
 
 mod limits;
 mod outputs;
+mod sweep;
 
 use std::{
     fmt::{self, Display},
@@ -11,9 +12,11 @@ use std::{
 };
 
 use clap::Args;
+use image::RgbImage;
 use multiscopic::{
-    DisparityMap, Engine, Error, FloatImage, Frames, Inspection, RangeSource, Result,
+    DisparityMap, Engine, Error, FloatImage, Frames, Geometry, Inspection, MatchSetup, Picture, RangeSource, Result,
     files::{Cloud, ListedRig, MatchedImages, output},
+    images::{FrameTree, PointFrame},
     stereo::{
         BaselineRefinement,
         confidence_map::{self, ConfidenceMap},
@@ -107,7 +110,7 @@ impl Match {
             let message = "there are no images to match: give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
             return Err(Error::Usage(message.into()));
         };
-        let (summary, disparities) = self.matched(source, &self.outputs, &self.engine.engine()?)?;
+        let (summary, disparities) = self.matched(source, &self.outputs, &self.engine.engine()?, settings)?;
         self.outputs.maps.print(&disparities)?;
         if self.outputs.preview {
             let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
@@ -142,16 +145,19 @@ impl Match {
     }
 
     /// Matches the images of a rig, and writes the outputs together.
-    fn matched(&self, mut source: Source, outputs: &Outputs, engine: &Engine) -> Result<(Summary, DisparityMap)> {
+    fn matched(
+        &self,
+        mut source: Source,
+        outputs: &Outputs,
+        engine: &Engine,
+        settings: &RunSettings,
+    ) -> Result<(Summary, DisparityMap)> {
+        if let Some(sweep) = source.load_sweep()? {
+            return self.matched_sweep(source, sweep, outputs, settings);
+        }
         let (mut frames, mut center, mut undistortion) = source.load()?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
-        if let Some(output) = outputs.of_depth().or(self.limits.of_depth().map(String::from)) {
-            self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
-        }
-        outputs.check()?;
-        let truth = self.truth_file(&source);
-        let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).chain(truth.as_deref()).collect();
-        output::check(&outputs.paths(), &inputs)?;
+        let truth = self.check_outputs(&source, outputs)?;
         let shrink = self.shrink_factor(&frames)?;
         if shrink > 1 {
             source = source.shrunk(shrink);
@@ -219,21 +225,61 @@ impl Match {
             Some(geometry.depth_deviations(&disparities, &deviations, of_baseline))
         });
         self.limits.apply(&mut disparities, confidences.as_mut(), geometry.as_ref(), deviations.as_ref());
-
-        let mut warnings = advice::warnings(&preparation, &disparities, &search);
+        let mut warnings = Vec::new();
         if self.shrink.is_none() && shrink > 1 {
             warnings.push(format!(
                 "the images were shrunk by {shrink}, since their disparities are above {MOST_DISPARITY}; disparities are in pixels of \
                  the smaller images (--shrink)"
             ));
         }
+        let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
+        let results = (&disparities, confidences.as_ref());
+        let viewed = view::matched_map(name.into(), (self.matching.method.name(), &method), &search, results, Some(seconds));
+        let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
+        let matched = Matched { preparation, geometry, center, frame_tree, frame, frames: (frames, color), truth };
+        let summary = self.finish((&source, outputs), matched, viewed, deviations.as_ref(), summary)?;
+        Ok((summary, disparities))
+    }
+
+    /// Refuses outputs that cannot be written, and returns the file of the truth that is read for them.
+    fn check_outputs(&self, source: &Source, outputs: &Outputs) -> Result<Option<PathBuf>> {
+        if let Some(output) = outputs.of_depth().or(self.limits.of_depth().map(String::from)) {
+            self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
+        }
+        outputs.check()?;
+        let truth = self.truth_file(source);
+        let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).chain(truth.as_deref()).collect();
+        output::check(&outputs.paths(), &inputs)?;
+        Ok(truth)
+    }
+
+    /// Writes the outputs together, and completes the summary, which has the warnings of the method.
+    fn finish(
+        &self,
+        (source, outputs): (&Source, &Outputs),
+        matched: Matched,
+        map: ViewedMap<'_>,
+        deviations: Option<&FloatImage>,
+        mut summary: Summary,
+    ) -> Result<Summary> {
+        let (disparities, confidences) = (map.disparities, map.confidences);
+        let Matched { preparation, geometry, center, frame_tree, frame, frames: (frames, color), truth } = matched;
+        let (size, search) = (frames.size(), preparation.search);
+        let of_images = advice::warnings(&preparation, disparities, &search);
+        let of_images = if summary.fusion.is_none() {
+            of_images.iter().map(|warning| advice::of_sweep(warning)).collect()
+        } else {
+            of_images
+        };
+        summary.warnings.splice(0..0, of_images);
         let of_depth = geometry.as_ref().filter(|_| outputs.of_depth().is_some());
         if let Some(geometry) = of_depth {
-            let odd: Vec<String> = geometry.warnings(&disparities).iter().map(advice::warning).collect();
-            warnings.splice(0..0, advice::no_depth(&disparities, geometry).map(String::from).into_iter().chain(odd));
+            let odd: Vec<String> = geometry.warnings(disparities).iter().map(advice::warning).collect();
+            summary.warnings.splice(0..0, advice::no_depth(disparities, geometry).map(String::from).into_iter().chain(odd));
         }
-        let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
         let report = outputs.report.as_ref().map(|page| -> Result<Report> {
+            let seen = preparation.inspection.corner_disparities();
+            let images = MatchedImages { center: &source.images.center, size, seen };
             let truth = truth.map(|path| read_disparities(&path, Some(&images))).transpose()?;
             let truth = truth.map(|truth| preparation.truth(truth));
             let title = source.folder().map_or_else(|| "Disparities".into(), view::title);
@@ -241,27 +287,26 @@ impl Match {
                 .with_geometry(geometry.as_ref())
                 .with_frames(&frames, color.as_ref())
                 .with_truth(truth.as_ref());
-            let results = (&disparities, confidences.as_ref());
-            let map = view::matched_map(name.into(), (self.matching.method.name(), &method), &search, results, Some(seconds));
             let file = outputs.maps.beside(page);
             scene.add(ViewedMap { file, ..map });
-            let page = warnings.iter().fold(Report::new(title), |page, warning| page.paragraph(&format!("Warning: {warning}.")));
+            let page =
+                summary.warnings.iter().fold(Report::new(title), |page, warning| page.paragraph(&format!("Warning: {warning}.")));
             Ok(page.viewer(&view::command_line(), &[scene]))
         });
         let report = report.transpose()?;
         output::write_together(|| {
             let findings = Findings {
-                disparities: &disparities,
-                confidences: confidences.as_ref(),
-                deviations: deviations.as_ref(),
+                disparities,
+                confidences,
+                deviations,
                 geometry: geometry.as_ref(),
                 cloud: geometry.as_ref().zip(center.as_ref()).map(|(geometry, center)| Cloud {
-                    confidences: confidences.as_ref(),
-                    deviations: deviations.as_ref(),
+                    confidences,
+                    deviations,
                     edges: self.limits.edges(),
                     frame,
                     frames: frame_tree,
-                    ..Cloud::new(&disparities, center, geometry)
+                    ..Cloud::new(disparities, center, geometry)
                 }),
             };
             outputs.write(&findings)?;
@@ -272,15 +317,14 @@ impl Match {
                 _ => Ok(()),
             }
         })?;
-        let summary = Summary {
+        Ok(Summary {
             frame: (outputs.has_center() && geometry.is_some()).then(|| frame.name().into()),
-            median_depth_mm: of_depth.and_then(|geometry| geometry.median_depth_mm(&disparities)),
-            within: deviations.as_ref().zip(geometry.as_ref()).and_then(|(deviations, geometry)| {
-                Within::new(&disparities, deviations, geometry.median_depth_mm(&disparities)?)
-            }),
-            ..Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings)
-        };
-        Ok((summary, disparities))
+            median_depth_mm: of_depth.and_then(|geometry| geometry.median_depth_mm(disparities)),
+            within: deviations
+                .zip(geometry.as_ref())
+                .and_then(|(deviations, geometry)| Within::new(disparities, deviations, geometry.median_depth_mm(disparities)?)),
+            ..summary
+        })
     }
 
     /// Matches the rigs of a list that belong to the share of this machine.
@@ -301,13 +345,28 @@ impl Match {
         let work = |index: usize, folder: &Path| {
             let ListedRig { name, directory } = &rigs[index];
             let outputs = self.outputs.within(folder)?;
-            let (summary, _) = self.matched(self.source.source_of(directory)?, &outputs, &engine)?;
+            let (summary, _) = self.matched(self.source.source_of(directory)?, &outputs, &engine, settings)?;
             summary.warnings().iter().for_each(|warning| terminal::warn(&format!("{name}: {warning}")));
             terminal::say(&format!("{name}: {summary}"));
             Ok(Done { results: summary.without_time(), outputs: outputs.paths().into_iter().map(PathBuf::from).collect() })
         };
         Ok(batch.run(inputs, work))
     }
+}
+
+/// The images of a match, and what is known of them.
+struct Matched {
+    preparation: MatchSetup,
+    geometry: Option<Geometry>,
+    /// The centre as it was matched, in all its colours, if an output has it.
+    center: Option<Picture>,
+    frame_tree: FrameTree,
+    /// The frame of the points.
+    frame: PointFrame,
+    /// The frames that a page shows, and the colours of the centre.
+    frames: (Frames, Option<RgbImage>),
+    /// The file of the true disparities, if a page shows them.
+    truth: Option<PathBuf>,
 }
 
 /// The outcome of a match. Shares are from 0 to 1.
@@ -319,7 +378,9 @@ pub struct Summary {
     views: usize,
     /// Their baselines, in multiples of the shortest.
     baselines: Vec<u32>,
-    fusion: String,
+    /// The rule by which the costs of the views were fused; none in a sweep, whose frames refine what those before found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fusion: Option<String>,
     min_disparity: i16,
     num_disparities: usize,
     /// The share of pixels with a disparity.
@@ -390,7 +451,7 @@ impl Summary {
             method: method.into(),
             views: search.views().len(),
             baselines: BaselineRefinement::sets(search.views()).iter().map(|views| u32::from(views.multiple())).collect(),
-            fusion: search.fusion().name().into(),
+            fusion: Some(search.fusion().name().into()),
             min_disparity: search.min_disparity(),
             num_disparities: search.num_disparities(),
             valid: disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64,
@@ -432,7 +493,8 @@ impl Summary {
 
 impl Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let Summary { width, height, method, fusion, .. } = self;
+        let Summary { width, height, method, .. } = self;
+        let fusion = self.fusion.as_ref().map(|fusion| format!(", {fusion}")).unwrap_or_default();
         let views = match (self.views, &self.baselines[..]) {
             (1, _) => "1 view".into(),
             (views, [_]) => format!("{views} views"),
@@ -441,7 +503,7 @@ impl Display for Summary {
                 format!("{views} views at baselines {}", baselines.join(", "))
             }
         };
-        write!(f, "{width}x{height}, {method}, {views}, {fusion}, {}: {:.1} % valid", self.range(), 100.0 * self.valid)?;
+        write!(f, "{width}x{height}, {method}, {views}{fusion}, {}: {:.1} % valid", self.range(), 100.0 * self.valid)?;
         let sure = self.sure.map(terminal::sure).unwrap_or_default();
         match &self.within {
             Some(within) => write!(f, ", {within}")?,

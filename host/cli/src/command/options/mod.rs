@@ -14,7 +14,7 @@ pub use multiscopic_options::{
     PreparationOptions, SearchOptions, named, value, views_of_count,
 };
 pub use output_file::MapFiles;
-pub use source_options::{GeometryOptions, Source, SourceOptions, depth_of, read_lens};
+pub use source_options::{GeometryOptions, LoadedSweep, Source, SourceOptions, depth_of, read_lens};
 
 /// The neighbours that are captured.
 #[derive(Clone, Copy, Debug, Args)]

@@ -7,13 +7,14 @@ use std::{
 };
 
 use clap::Args;
+use image::GrayImage;
 use multiscopic::{
     Alignment, Error, Frames, Geometry, Picture, Result, Rig,
-    files::FrameFiles,
+    files::{FrameFiles, SweepFrame},
     images::{BitDepth, FrameTree, Transform},
     lens::{HandEye, LensFile, Undistortion},
 };
-use multiscopic_core::{Frame, ParseViewError, View, Views};
+use multiscopic_core::{Frame, ParseViewError, SweepOffset, View, Views};
 
 use super::{
     BitsOption,
@@ -70,10 +71,24 @@ pub struct Source {
     pub rig: Option<Rig>,
     /// The calibration of the camera, if the images are distorted or the camera is not square to its stage.
     pub lens: Option<LensFile>,
+    /// The frames of a sweep and their offsets in baselines, from the centre outwards.
+    sweep: Vec<(f64, PathBuf)>,
     /// The factor by which the images are shrunk.
     shrink: u32,
     rig_file: Option<PathBuf>,
     bits: BitsOption,
+}
+
+/// The frames of a sweep, without distortion.
+pub struct LoadedSweep {
+    /// The centre, and as its views the frames nearest to a baseline away.
+    pub frames: Frames,
+    /// The centre as the picture in its file, with its colours and its distortion.
+    pub center: Picture,
+    /// What undistorted them.
+    pub undistortion: Option<Undistortion>,
+    /// All frames but the centre in grey, from the centre outwards, and their places.
+    pub placed: Vec<(SweepOffset, GrayImage)>,
 }
 
 impl Source {
@@ -97,8 +112,12 @@ impl Source {
         let rig = Rig::load(directory)?;
         let lens = LensFile::of_rig(&rig, directory, lens)?;
         lens.iter().for_each(warn_of_size);
+        let offset = |frame: &SweepFrame| (frame.offset_mm / rig.baseline_mm.unwrap_or(f64::NAN), directory.join(&frame.image));
+        let mut sweep: Vec<(f64, PathBuf)> = rig.sweep.iter().map(offset).collect();
+        sweep.sort_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()));
         Ok(Source {
             images: rig.images.within(directory),
+            sweep,
             rig: Some(rig),
             lens,
             shrink: 1,
@@ -113,24 +132,71 @@ impl Source {
         Source { shrink: factor * self.shrink, lens, ..self }
     }
 
+    /// The factor by which the images are shrunk.
+    pub fn shrink(&self) -> u32 {
+        self.shrink
+    }
+
     /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The
     /// last is what undistorted them. From then on, the bits of 16-bit images are known.
+    ///
+    /// # Errors
+    /// Those of the files, and [`Rig::check_views`].
     pub fn load(&mut self) -> Result<(Frames, Picture, Option<Undistortion>)> {
+        self.rig.iter().try_for_each(Rig::check_views)?;
         self.images.bits = depth_of(&self.bits, self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
         let mut undistortion = None;
-        let (frames, center) = Frames::load_each(&self.images, limits(), |frame, picture| {
+        let (frames, center) = self.read(&self.images, &mut undistortion)?;
+        let center = if self.shrink > 1 { center.shrunk(self.shrink) } else { center };
+        Ok((frames, center, undistortion))
+    }
+
+    /// Reads frames without distortion, and the centre as it is in its file. The first frames decide the undistortion.
+    fn read(&self, images: &FrameFiles, undistortion: &mut Option<Undistortion>) -> Result<(Frames, Picture)> {
+        Frames::load_each(images, limits(), |frame, picture| {
             let shrunk = (self.shrink > 1).then(|| picture.shrunk(self.shrink));
             let (width, height) = shrunk.as_ref().unwrap_or(picture).dimensions();
             if let (None, Some(lens)) = (&undistortion, &self.lens) {
-                undistortion = Some(lens.undistortion([width as usize, height as usize])?);
+                *undistortion = Some(lens.undistortion([width as usize, height as usize])?);
             }
-            match &undistortion {
+            match undistortion {
                 Some(undistortion) => Ok(Some(undistortion.picture(frame, shrunk.as_ref().unwrap_or(picture)))),
                 None => Ok(shrunk),
             }
-        })?;
+        })
+    }
+
+    /// Reads the frames of a sweep, as [`load`](Source::load) does those of views. `None` if it is not a sweep.
+    pub fn load_sweep(&mut self) -> Result<Option<LoadedSweep>> {
+        if self.sweep.is_empty() {
+            return Ok(None);
+        }
+        let paths: Vec<&Path> = self.images.paths().chain(self.sweep.iter().map(|(_, path)| &**path)).collect();
+        self.images.bits = depth_of(&self.bits, self.images.bits, &paths)?;
+        let mut undistortion = None;
+        let (mut frames, center) = self.read(&self.images, &mut undistortion)?;
+        let (mut placed, mut at_baseline) = (Vec::new(), [(View::LEFT, -1.0, f64::INFINITY), (View::RIGHT, 1.0, f64::INFINITY)]);
+        for (offset, path) in &self.sweep {
+            let images = FrameFiles { center: path.clone(), ..self.images.clone() };
+            let (frame, _) = self.read(&images, &mut undistortion)?;
+            if frame.size() != frames.size() {
+                let [[width, height], [w, h]] = [frames.size(), frame.size()];
+                let (found, expected) = (format!("{w}x{h} pixels"), format!("{width}x{height} as in the centre"));
+                return Err(Error::Format { path: images.center, found, expected });
+            }
+            for (view, place, least) in &mut at_baseline {
+                let distance = (offset - *place).abs();
+                if distance <= SweepFrame::TOLERANCE && distance < *least {
+                    *least = distance;
+                    frames = frames.with_picture(*view, frame.picture(Frame::Center).expect("a frame has a centre"));
+                }
+            }
+            let bits = (offset * f64::from(SweepOffset::STEPS)).round() as i32;
+            let gray = frame.get(Frame::Center).expect("a frame has a centre").clone();
+            placed.extend(SweepOffset::from_bits(bits).map(|offset| (offset, gray)));
+        }
         let center = if self.shrink > 1 { center.shrunk(self.shrink) } else { center };
-        Ok((frames, center, undistortion))
+        Ok(Some(LoadedSweep { frames, center, undistortion, placed }))
     }
 
     /// The pictures of the frames, read again in all their bits, without distortion and rectified.
@@ -189,7 +255,7 @@ impl Source {
     /// All files that are read.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         let lens = self.lens.as_ref().map(|lens| lens.path.as_path());
-        self.images.paths().chain(self.rig_file.as_deref()).chain(lens)
+        self.images.paths().chain(self.sweep.iter().map(|(_, path)| &**path)).chain(self.rig_file.as_deref()).chain(lens)
     }
 }
 
@@ -277,7 +343,7 @@ impl SourceOptions {
             }
             (Some(_), false) => {
                 let lens = lens.as_deref().map(read_lens).transpose()?;
-                Ok(Some(Source { images, rig: None, lens, shrink: 1, rig_file: None, bits }))
+                Ok(Some(Source { images, sweep: Vec::new(), rig: None, lens, shrink: 1, rig_file: None, bits }))
             }
         }
     }
@@ -378,6 +444,7 @@ mod tests {
             lens: None,
             mount_rotation_deg: None,
             mount_roll_deg: None,
+            sweep: Vec::new(),
             hand_eye: None,
             poses: BTreeMap::new(),
             images: FrameFiles::default(),

@@ -68,7 +68,8 @@ impl CameraOptions {
     /// of which view.
     pub fn write(&self, directory: &Path, known: Rig, calibration: Option<CameraModel>) -> Result<ExitCode> {
         let files = known.images.within(directory);
-        let paths: Vec<&Path> = files.paths().collect();
+        let of_sweep: Vec<PathBuf> = known.sweep.iter().map(|frame| directory.join(&frame.image)).collect();
+        let paths: Vec<&Path> = files.paths().chain(of_sweep.iter().map(PathBuf::as_path)).collect();
         let images = FrameFiles { bits: depth_of(&self.bits, None, &paths)?, ..known.images.clone() };
         let (frames, _) = Frames::load_each(&images.within(directory), limits(), |_, _| Ok(None))?;
         let is_known = self.focal_px.is_some() || known.focal_px.is_some() || calibration.is_some();
@@ -91,6 +92,9 @@ impl CameraOptions {
         for frame in [Frame::Center].into_iter().chain(frames.views().iter().map(Frame::View)) {
             let file = rig.images.get(frame).unwrap_or(Path::new(""));
             terminal::say(&format!("{frame}: {}", file.display()));
+        }
+        if let (Some(first), Some(last)) = (rig.sweep.first(), rig.sweep.last()) {
+            terminal::say(&format!("sweep: {} frames from {} to {} mm", rig.sweep.len(), first.offset_mm, last.offset_mm));
         }
         if rig.focal_px.is_none() || rig.baseline_mm.is_none() {
             terminal::say("depth needs the focal length and the baseline: give --focal-px or --lens, and --baseline-mm");

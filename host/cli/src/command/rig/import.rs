@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::PathBuf, process::ExitCode};
 use clap::Args;
 use multiscopic::{
     Result, Rig,
-    files::{FramePose, PhotoGrid, PosedPhoto, Provenance},
+    files::{FrameFiles, FramePose, PhotoGrid, PhotoLine, PosedPhoto, Provenance, SweepFrame},
     lens::read_colmap,
 };
 use multiscopic_core::{Frame, View};
@@ -16,7 +16,8 @@ use crate::command::{options::value::positive, terminal};
 /// Writes the rig.toml of photos whose places are known
 ///
 /// The photo in the middle becomes the centre, and the others its views: they must stand at whole multiples of a baseline to its
-/// right, left, top or bottom, and look the same way.
+/// right, left, top or bottom, and look the same way. Photos to its left and right alone may stand at any distances: they become the
+/// frames of a sweep.
 #[derive(Clone, Debug, Args)]
 pub struct Import {
     /// Folder of the photos
@@ -56,13 +57,23 @@ impl Import {
             (None, None) => unreachable!("clap asks for one of them"),
         };
         self.camera.check_folder(&self.directory, calibration.is_some())?;
-        let grid = PhotoGrid::of(&photos, self.center.as_deref(), baseline)?;
         let source = self.positions.as_ref().or(self.colmap.as_ref()).map(|path| path.display().to_string()).unwrap_or_default();
+        let capture = Provenance { notes: Some(format!("imported from {source}")), ..Provenance::default() };
+        let center = self.center.as_deref();
+        let grid = match PhotoGrid::of(&photos, center, baseline) {
+            Ok(grid) => grid,
+            // Only millimetres without a unit of their own are those of a sweep.
+            Err(error) if self.positions.is_some() && baseline.is_none() => {
+                let line = PhotoLine::of(&photos, center)?.ok_or(error)?;
+                return self.camera.write(&self.directory, Rig { capture, ..sweep(line) }, calibration);
+            }
+            Err(error) => return Err(error),
+        };
         let baseline_mm = self.baseline_mm.or(self.positions.as_ref().map(|_| grid.baseline));
         let known = Rig {
             baseline_mm,
             poses: baseline_mm.map_or_else(BTreeMap::new, |baseline_mm| poses(&grid, baseline_mm)),
-            capture: Provenance { notes: Some(format!("imported from {source}")), ..Provenance::default() },
+            capture,
             ..Rig::of_pair(None, grid.images.clone())
         };
         terminal::say(&format!(
@@ -71,6 +82,14 @@ impl Import {
         ));
         self.camera.write(&self.directory, known, calibration)
     }
+}
+
+/// The rig of a sweep.
+fn sweep(line: PhotoLine) -> Rig {
+    let farthest = line.frames.iter().map(|(_, right)| right.abs()).fold(0.0, f64::max);
+    let frames = line.frames.into_iter().map(|(image, offset_mm)| SweepFrame { image, offset_mm, exposed: None });
+    let images = FrameFiles { center: line.center, ..FrameFiles::default() };
+    Rig { baseline_mm: Some(farthest), sweep: frames.collect(), ..Rig::of_pair(None, images) }
 }
 
 /// The places where the views should stand, and where they do, in the plane of the centre's image.

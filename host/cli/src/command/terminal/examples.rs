@@ -70,6 +70,10 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "View by view where it helps most, until depths are precise",
                 "multiscopic capture --camera sim --stage sim --baseline 5 \\\n    --until \"70 % within 10 mm\" -o rig",
             ),
+            (
+                "Without stopping: frames while the stage slides the camera",
+                "multiscopic capture --camera sim --stage sim --sweep 40 --speed 20 \\\n    --size 320x240 -o sweep",
+            ),
             ("Without any hardware", "multiscopic capture --camera sim --stage sim --baseline 5 -o rig"),
         ],
     ),

@@ -15,7 +15,13 @@ use std::{
 use v4l::{Device, FourCC, framesize::FrameSizeEnum, video::Capture};
 
 use super::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat, picture_mean::PictureMean};
-use crate::{capture::acquisition::BlockingCamera, caught::caught, error::Error, files::input, images::Picture};
+use crate::{
+    capture::{acquisition::BlockingCamera, sweep::Arrival},
+    caught::caught,
+    error::Error,
+    files::input,
+    images::Picture,
+};
 
 use ioctl::Format;
 use locked_controls::LockedControls;
@@ -62,16 +68,21 @@ impl V4l2Camera {
     /// # Errors
     /// No frame arrived in time, a frame was damaged, the device is gone, or the call was cancelled.
     pub fn frame(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, CameraError> {
-        let taken = self.try_frame(Instant::now(), timeout, is_cancelled);
+        self.frame_of(Wait { start: Instant::now(), timeout, is_cancelled }, false)
+    }
+
+    /// A frame, or the next one of a camera that runs free, whenever it was exposed.
+    fn frame_of(&mut self, wait: Wait<'_>, is_next: bool) -> Result<Picture, CameraError> {
+        let taken = self.try_frame(wait, is_next);
         taken.map_err(|fault| CameraError { device: self.path.clone(), fault })
     }
 
-    fn try_frame(&mut self, start: Instant, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, CameraFault> {
+    fn try_frame(&mut self, wait: Wait<'_>, is_next: bool) -> Result<Picture, CameraFault> {
         let mut connection = match self.connection.take() {
             Some(connection) => connection,
             None => Connection::open(&self.path, Some(self.layout.format), Some(self.layout.size))?,
         };
-        let taken = connection.frame(&self.settings, Wait { start, timeout, is_cancelled });
+        let taken = connection.frame(&self.settings, wait, is_next);
         if taken.is_err() {
             connection.stop();
         }
@@ -105,6 +116,11 @@ impl BlockingCamera for V4l2Camera {
 
     fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, CameraError> {
         self.frame(timeout, is_cancelled)
+    }
+
+    fn next(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Arrival, CameraError> {
+        let picture = self.frame_of(Wait { start: Instant::now(), timeout, is_cancelled }, true)?;
+        Ok(Arrival { picture, at: Instant::now() })
     }
 }
 
@@ -153,8 +169,8 @@ impl Connection {
         self.layout
     }
 
-    /// Averages the next frames, all of them exposed after this call.
-    fn frame(&mut self, settings: &CameraSettings, wait: Wait<'_>) -> Result<Picture, CameraFault> {
+    /// Averages the next frames, all of them exposed after this call unless it `is_next`.
+    fn frame(&mut self, settings: &CameraSettings, wait: Wait<'_>, is_next: bool) -> Result<Picture, CameraFault> {
         let (mut frames, mut expected) = (0, u32::from(settings.average.get()));
         // Counts frames, so that a time-out can say how many arrived.
         let mut count = |taken: Result<(), WaitError>, expected: u32| match taken {
@@ -175,8 +191,10 @@ impl Connection {
             (0..number).try_for_each(|_| count(stream.skip(wait), expected))
         };
         if was_running {
-            stream.drain()?;
-            skip(stream, FRAMES_IN_FLIGHT)?;
+            if !is_next {
+                stream.drain()?;
+                skip(stream, FRAMES_IN_FLIGHT)?;
+            }
         } else {
             skip(stream, settings.warm_up)?;
             if self.controls.is_none() {

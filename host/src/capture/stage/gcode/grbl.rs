@@ -103,7 +103,11 @@ impl<P: Read + Write> Stage for Grbl<P> {
     }
 }
 
-impl<P: Read + Write> PosedStage for Grbl<P> {}
+impl<P: Read + Write> PosedStage for Grbl<P> {
+    fn is_tracked(&self) -> bool {
+        true
+    }
+}
 
 impl<P: Read + Write> Drop for Grbl<P> {
     fn drop(&mut self) {

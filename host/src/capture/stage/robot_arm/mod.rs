@@ -194,6 +194,10 @@ impl Stage for Arm {
 }
 
 impl PosedStage for Arm {
+    fn is_tracked(&self) -> bool {
+        true
+    }
+
     fn pose(&mut self) -> Result<Option<Transform>, StageError> {
         Ok(Some(self.feedback.state()?.sample.pose.transform()))
     }

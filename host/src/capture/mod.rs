@@ -7,17 +7,21 @@
 //! | [`camera`] | cameras of Linux (V4L2), with the feature `v4l2`, and their settings |
 //! | `SimulatedCamera` | a camera that sees the scene of the demo, with the feature `scene` |
 //! | [`Imperfections`] | what is wrong with a simulated rig |
+//! | [`ImageCamera`] | a camera whose frames stay in memory |
 //! | [`BlockingCamera`], [`ThreadedCamera`] | a camera that blocks, polled from a thread of its own |
 //! | [`Clock`], [`SystemClock`] | the time by which stages are waited for |
 //! | [`acquire_images`] | runs the core's [`Sequence`](multiscopic_core::capture::Sequence) into memory |
+//! | [`RigParts`], [`CaptureLog`] | what frames were taken with, and when: `rig.toml` and `capture.log` of their folder |
 //! | [`Accuracy`], [`Survey`], [`Choice`] | which long baseline gives the depth accuracy asked for |
 
 mod accuracy;
 mod acquisition;
 pub mod camera;
+mod capture_log;
 pub mod exec;
 mod imperfections;
 mod lines;
+mod rig_parts;
 #[cfg(feature = "scene")]
 mod simulated_camera;
 pub mod stage;
@@ -28,8 +32,10 @@ use std::{
 };
 
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
-pub use acquisition::{Acquisition, BlockingCamera, ThreadedCamera, acquire_images, acquire_images_with_clock};
+pub use acquisition::{Acquisition, BlockingCamera, ImageCamera, ThreadedCamera, acquire_images, acquire_images_with_clock};
+pub use capture_log::CaptureLog;
 pub use imperfections::Imperfections;
+pub use rig_parts::RigParts;
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;
 

@@ -18,7 +18,7 @@ use clap::Args;
 use multiscopic::{
     Engine, Error, Result,
     capture::{
-        Accuracy, SimulatedCamera,
+        Accuracy, RigParts, SimulatedCamera,
         stage::{AnyStage, TurnedStage},
     },
     files::output,
@@ -39,7 +39,10 @@ use self::{
 use super::foxglove::FoxgloveOptions;
 use super::{
     hardware::Hardware,
-    options::{HardwareOptions, NeighborOptions, SearchOptions, micrometres, output_file, read_lens, value::positive},
+    options::{
+        HardwareOptions, NeighborOptions, SearchOptions, output_file, read_lens,
+        value::{micrometres, positive},
+    },
     terminal, view,
 };
 
@@ -231,7 +234,9 @@ impl RecorderOptions {
             (None, None) => None,
         };
         let plan = Plan::new(views, baseline_um).shortened(hardware.policy.backlash_um);
-        Ok(Recorder { plan, baseline_um, extension, focal_px, lens, mount, hand_eye, hardware })
+        let (camera_name, stage_name) = (hardware.camera_name.clone(), hardware.stage_name.clone());
+        let parts = RigParts { camera_name, stage_name, baseline_um, focal_px, lens, mount, hand_eye };
+        Ok(Recorder { plan, extension, parts, hardware })
     }
 }
 

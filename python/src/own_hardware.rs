@@ -139,7 +139,7 @@ pub fn capture(
     // A picture or a place that is wrong is wrong again.
     let policy = Policy { settle, tolerance_um, backlash_um, retries: 0, ..Policy::default() };
     let plan = Plan::new(views, baseline_um).shortened(backlash_um);
-    let (clock, mut log) = (SignalClock::default(), CaptureLog::new(&parts));
+    let (clock, mut log) = (SignalClock::default(), CaptureLog::new(&parts.camera_name, &parts.stage_name));
     py.detach(|| {
         let mut stage = TurnedStage::new(own_stage, roll);
         let mut observe = |elapsed, progress| drop(log.step(&plan, elapsed, progress));

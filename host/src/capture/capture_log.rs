@@ -8,7 +8,6 @@ use multiscopic_core::{
     capture::{CaptureProgress, Plan},
 };
 
-use super::rig_parts::RigParts;
 use crate::{files::FramePose, images::Transform};
 
 /// The log of a capture that began now.
@@ -23,9 +22,9 @@ impl CaptureLog {
     pub const FILE_NAME: &str = "capture.log";
 
     /// A log that names the camera and the stage.
-    pub fn new(parts: &RigParts) -> CaptureLog {
+    pub fn new(camera: &str, stage: &str) -> CaptureLog {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
-        CaptureLog { text: format!("{date}\ncamera: {}\nstage: {}\n", parts.camera_name, parts.stage_name), date }
+        CaptureLog { text: format!("{date}\ncamera: {camera}\nstage: {stage}\n"), date }
     }
 
     /// Adds a line about the capture as a whole.

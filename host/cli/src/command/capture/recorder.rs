@@ -81,7 +81,7 @@ impl Recorder {
     /// Takes one capture and writes it to `folder`, which appears once it is complete, even if the stage fails after the last
     /// frame. `observe` is told each step, how many frames are taken, and how many there are.
     pub fn record(&mut self, folder: &Path, observe: &mut dyn FnMut(&str, usize, usize)) -> Result<Recorded> {
-        let mut log = CaptureLog::new(&self.parts);
+        let mut log = CaptureLog::new(&self.parts.camera_name, &self.parts.stage_name);
         if let Some(note) = &self.hardware.simulation {
             log.note(note);
         }

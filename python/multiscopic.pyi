@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, TypedDict, final
+from typing import Literal, Protocol, TypedDict, final
 
 import numpy as np
 import numpy.typing as npt
@@ -167,6 +167,35 @@ class Rig:
 
     def match(self, **options: Unpack[_Options]) -> Result:
         """Reads the images and matches the centre with its neighbours."""
+
+class _Stage(Protocol):
+    """A stage of your own. It may also have position(), pose() and stop()."""
+
+    def move_to(self, right_mm: float, down_mm: float, /) -> object: ...
+
+class _Camera(Protocol):
+    """A camera of your own."""
+
+    def grab(self) -> _Image: ...
+
+def capture(
+    stage: _Stage,
+    camera: _Camera,
+    path: str | os.PathLike[str],
+    *,
+    baseline_mm: float,
+    views: Literal[1, 2, 3, 4, 8] | None = None,
+    layout: str | None = None,
+    focal_px: float | None = None,
+    lens: str | os.PathLike[str] | None = None,
+    mount: str | os.PathLike[str] | None = None,
+    hand_eye: str | os.PathLike[str] | None = None,
+    settle: float = 0.2,
+    tolerance_um: int = 100,
+    backlash_um: int = 0,
+    bits: Literal[10, 12, 14, 16] | None = None,
+) -> Rig:
+    """Captures a rig with a stage and a camera of your own: objects of any class with these methods."""
 
 def match(
     center: _Image,

@@ -219,7 +219,7 @@ impl Rig {
     ///     OSError: a file cannot be read.
     ///     ValueError: a file has the wrong contents. The message names the line.
     #[staticmethod]
-    fn load(path: PathBuf) -> PyResult<Rig> {
+    pub fn load(path: PathBuf) -> PyResult<Rig> {
         let rig = multiscopic::Rig::load(&path).map_err(exception)?;
         rig.check_views().map_err(exception)?;
         let lens = LensFile::of_rig(&rig, &path, None).map_err(exception)?;

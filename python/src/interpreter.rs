@@ -14,7 +14,7 @@ use std::{
 use multiscopic::{Error, Progress};
 use pyo3::{
     PyErr, create_exception,
-    exceptions::{PyRuntimeError, PyUserWarning, PyValueError},
+    exceptions::{PyFileExistsError, PyRuntimeError, PyUserWarning, PyValueError},
     prelude::*,
 };
 
@@ -79,6 +79,7 @@ pub fn exception(error: Error) -> PyErr {
     match error {
         // Of several classes of `OSError`, that of the system's error: `FileNotFoundError`, `PermissionError` and so on.
         Error::Read { source, .. } | Error::Write { source, .. } => io::Error::new(source.kind(), text).into(),
+        Error::FolderExists { .. } => PyFileExistsError::new_err(text),
         Error::Device(_) | Error::Capture { .. } => PyRuntimeError::new_err(text),
         _ => PyValueError::new_err(text),
     }

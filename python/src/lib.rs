@@ -10,6 +10,7 @@
 //! | `options` | the keyword arguments of matching |
 //! | `match_result` | the result of matching, the camera that depths follow from, and error metrics of disparities |
 //! | `capture` | the images of one capture, from arrays or a captured folder, and matching of them |
+//! | `own_hardware` | captures by stages and cameras that are Python's objects |
 //! | `views` | matching, rectification and inspection of arrays |
 //! | `multiscopic` | the module that Python imports |
 
@@ -19,12 +20,13 @@ mod files;
 mod interpreter;
 mod match_result;
 mod options;
+mod own_hardware;
 mod views;
 
 /// Accurate depth from one camera that is moved on purpose: multiscopic matching of numpy arrays.
 ///
 /// match() estimates the disparity of each pixel of a centre image by matching it with its neighbours. Rig.load() reads
-/// captured folders. evaluate() measures errors.
+/// captured folders, and capture() makes them with a stage and a camera of your own. evaluate() measures errors.
 #[pyo3::pymodule]
 mod multiscopic {
     use pyo3::prelude::*;
@@ -35,6 +37,7 @@ mod multiscopic {
         files::{colorize, read_image, read_pfm, set_max_pixels, write_pfm, write_png},
         interpreter::MatchWarning,
         match_result::{MatchResult, evaluate},
+        own_hardware::capture,
         views::{align, inspect},
     };
 

@@ -85,12 +85,8 @@ impl MatchResult {
                 "depth needs the focal length and the baseline: give focal_px and baseline_mm, or match a rig with them";
             return Err(usage(message.into()));
         };
-        for (keyword, length) in [("focal_px", geometry.focal_px), ("baseline_mm", geometry.baseline_mm)] {
-            if !(length > 0.0 && length <= Geometry::MAX_LENGTH) {
-                let most = Geometry::MAX_LENGTH;
-                return Err(usage(format!("{keyword} is {length}, it must be a number above 0 and at most {most}")));
-            }
-        }
+        check_length("focal_px", geometry.focal_px)?;
+        check_length("baseline_mm", geometry.baseline_mm)?;
         let [cx, cy] = geometry.principal_point;
         for (keyword, number) in [("doffs", geometry.doffs), ("principal_point", cx), ("principal_point", cy)] {
             if !number.is_finite() {
@@ -304,6 +300,15 @@ impl KnownCamera {
         let KnownCamera { focal_px, baseline_mm, principal_point, doffs, .. } = *self;
         Some(Geometry { focal_px: focal_px?, baseline_mm: baseline_mm?, principal_point, doffs })
     }
+}
+
+/// Refuses a keyword that is no length, in pixels or millimetres.
+pub fn check_length(keyword: &str, length: f64) -> PyResult<()> {
+    let most = Geometry::MAX_LENGTH;
+    if length > 0.0 && length <= most {
+        return Ok(());
+    }
+    Err(exception(Error::Usage(format!("{keyword} is {length}, it must be a number above 0 and at most {most}"))))
 }
 
 /// The errors of disparities over all pixels whose true disparity is known.

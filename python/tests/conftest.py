@@ -1,6 +1,7 @@
 """The program, and scenes that it makes."""
 
 import os
+import signal
 import subprocess
 from pathlib import Path
 
@@ -50,6 +51,14 @@ def images_of(rig) -> dict[str, np.ndarray]:
 def images(rig) -> dict[str, np.ndarray]:
     """The images of the rig by their names."""
     return images_of(rig)
+
+
+@pytest.fixture
+def control_c():
+    """Control-C as in a terminal: the background jobs of a shell ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def pixels_of_pfm(path) -> np.ndarray:

@@ -4,10 +4,10 @@ import _thread
 import ast
 import doctest
 import inspect
-import signal
 import sys
 import threading
 import time
+import types
 import warnings
 from importlib import resources
 from pathlib import Path
@@ -238,14 +238,6 @@ def test_other_threads_run_while_it_matches():
     assert turns > 20
 
 
-@pytest.fixture
-def control_c():
-    """Control-C as in a terminal: the background jobs of a shell ignore it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 @pytest.mark.usefixtures("control_c")
 def test_control_c_ends_it():
     image = np.kron(GRAY, np.ones((8, 8), np.uint8))
@@ -273,7 +265,13 @@ def code_of(guide):
 def test_code_of_the_guide(rig, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig").symlink_to(rig)
-    exec(code_of("python.md"), {})
+    # What stands for the hardware of the reader: a wall that moves by 8 pixels.
+    place = {}
+    driver = types.SimpleNamespace(go=place.update)
+    sensor = types.SimpleNamespace(read=lambda: np.roll(NOISE, (round(0.4 * place["y"]), -round(0.4 * place["x"])), axis=(0, 1)))
+    names = {"driver": driver, "sensor": sensor}
+    exec(code_of("python.md"), names)
+    assert np.array_equal(names["rig"].frames()[1, 0], np.roll(NOISE, -8, axis=1)[..., ::-1])
 
 
 #: An arm whose tool looks down from 700 mm, as a command for --stage exec.

@@ -45,6 +45,15 @@ pub fn size(text: &str) -> Result<[u32; 2]> {
     sides.ok_or_else(|| Error::Usage("it must be a width and a height, as 640x480".into()))
 }
 
+/// Returns a length of at least one micrometre and at most a metre in whole micrometres. `option` names it in errors.
+pub fn micrometres(option: &str, millimetres: f64) -> Result<u32> {
+    let micrometres = (1000.0 * millimetres).round();
+    if !(1.0..=1e6).contains(&micrometres) {
+        return Err(Error::Usage(format!("{option} is {millimetres} mm, it must be from 0.001 to 1000")));
+    }
+    Ok(micrometres as u32)
+}
+
 /// Parses a whole number above 0.
 pub fn count(text: &str) -> Result<u64> {
     let number = text.trim().parse().ok().filter(|number| *number > 0);
@@ -218,6 +227,8 @@ mod tests {
         assert!(["0", "1e300", "inf"].iter().all(|text| length(text).is_err()));
         assert!(["0", "-1", "inf", "nan", "", "1x"].iter().all(|text| positive(text).is_err()));
         assert!(["1", "1,", "1,2,3", "a,b", "inf,1"].iter().all(|text| point(text).is_err()));
+        assert_eq!(micrometres("--baseline", 20.0005).unwrap(), 20_001);
+        assert!([0.0004, 1001.0, f64::INFINITY].iter().all(|&mm| micrometres("--baseline", mm).is_err()));
     }
 
     fn names<T: Named>() -> Vec<&'static str> {

@@ -67,7 +67,7 @@ impl Acquisition {
 /// time. The stage has stopped by then.
 pub fn acquire_images<S, C>(
     stage: &mut S,
-    camera: &mut ThreadedCamera<C>,
+    camera: &mut C,
     plan: &Plan,
     policy: Policy,
     interrupts: &AtomicUsize,
@@ -75,7 +75,7 @@ pub fn acquire_images<S, C>(
 ) -> Result<Acquisition, Error>
 where
     S: PosedStage<Error: error::Error + Send + Sync + 'static>,
-    C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
+    C: ImageCamera<Error: error::Error + Send + Sync + 'static>,
 {
     acquire_images_with_clock(&SystemClock, stage, camera, plan, policy, interrupts, observe)
 }
@@ -87,7 +87,7 @@ where
 pub fn acquire_images_with_clock<S, C>(
     clock: &dyn Clock,
     stage: &mut S,
-    camera: &mut ThreadedCamera<C>,
+    camera: &mut C,
     plan: &Plan,
     policy: Policy,
     interrupts: &AtomicUsize,
@@ -95,7 +95,7 @@ pub fn acquire_images_with_clock<S, C>(
 ) -> Result<Acquisition, Error>
 where
     S: PosedStage<Error: error::Error + Send + Sync + 'static>,
-    C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
+    C: ImageCamera<Error: error::Error + Send + Sync + 'static>,
 {
     let mut sequence = Sequence::new(plan.positions(), policy);
     let (start, mut last_progress) = (clock.now(), None);
@@ -162,6 +162,12 @@ fn failed_frame<S, C>(error: &CaptureError<S, C>, plan: &Plan) -> Option<Frame> 
     plan.frames().get(error.index()?).copied()
 }
 
+/// A camera that keeps the frames of a sequence in memory.
+pub trait ImageCamera: Camera {
+    /// Removes and returns the frame with this index. `None` if the current sequence has not taken it, or it was removed before.
+    fn take_image(&mut self, index: usize) -> Option<Picture>;
+}
+
 /// A camera whose calls block until the picture is there.
 pub trait BlockingCamera: Sized {
     /// The reason why there is no picture.
@@ -218,10 +224,10 @@ impl<C: BlockingCamera + 'static> ThreadedCamera<C> {
     pub fn new(open: impl Fn() -> Result<C, C::Error> + Send + Sync + 'static, timeout: Duration) -> ThreadedCamera<C> {
         ThreadedCamera { open: Arc::new(open), timeout, worker: None, index: None, images: Vec::new() }
     }
+}
 
-    /// Removes and returns the frame with this index. `None` if the current sequence has not taken it, or it
-    /// was removed before.
-    pub fn take_image(&mut self, index: usize) -> Option<Picture> {
+impl<C: BlockingCamera + 'static> ImageCamera for ThreadedCamera<C> {
+    fn take_image(&mut self, index: usize) -> Option<Picture> {
         self.images.get_mut(index)?.take()
     }
 }

@@ -7,19 +7,23 @@
 //! | [`camera`] | cameras of Linux (V4L2), with the feature `v4l2`, and their settings |
 //! | `SimulatedCamera` | a camera that sees the scene of the demo, with the feature `scene` |
 //! | [`Imperfections`] | what is wrong with a simulated rig |
+//! | [`ImageCamera`] | a camera whose frames stay in memory |
 //! | [`BlockingCamera`], [`ThreadedCamera`] | a camera that blocks, polled from a thread of its own |
 //! | `SimulatedStream` | the same camera while it moves, in simulated time |
 //! | [`Clock`], [`SystemClock`], [`SteppedClock`] | the time by which stages are waited for |
 //! | [`acquire_images`] | runs the core's [`Sequence`](multiscopic_core::capture::Sequence) into memory |
 //! | [`acquire_sweep`], [`FreeCamera`], [`SweptFrames`] | frames of a camera that runs free while the stage slides it there and back |
+//! | [`RigParts`], [`CaptureLog`] | what frames were taken with, and when: `rig.toml` and `capture.log` of their folder |
 //! | [`Accuracy`], [`Survey`], [`Choice`] | which long baseline gives the depth accuracy asked for |
 
 mod accuracy;
 mod acquisition;
 pub mod camera;
+mod capture_log;
 pub mod exec;
 mod imperfections;
 mod lines;
+mod rig_parts;
 #[cfg(feature = "scene")]
 mod simulated_camera;
 #[cfg(feature = "scene")]
@@ -35,8 +39,10 @@ use std::{
 };
 
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
-pub use acquisition::{Acquisition, BlockingCamera, ThreadedCamera, acquire_images, acquire_images_with_clock};
+pub use acquisition::{Acquisition, BlockingCamera, ImageCamera, ThreadedCamera, acquire_images, acquire_images_with_clock};
+pub use capture_log::CaptureLog;
 pub use imperfections::{CameraTiming, Imperfections};
+pub use rig_parts::RigParts;
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;
 #[cfg(feature = "scene")]

@@ -50,6 +50,8 @@ pub enum Finish {
     Satin,
     /// Matte under a clear coat that mirrors a little, and more at grazing angles.
     Glazed,
+    /// Matte under what mirrors a third: wet or polished.
+    Polished,
     /// Brushed metal: its reflections move with the camera, its scratches do not.
     Brushed,
 }

@@ -21,7 +21,7 @@ mod texture;
 
 pub use description::{Finish, Lamp, Object, Scene, Shot};
 pub use geometry::{Pose, Ray, Shape, Vec3};
-pub use made_up::{Flaws, RandomScene, Setting};
+pub use made_up::{Flaws, ObjectKind, RandomScene, Setting};
 pub use pinhole_camera::{PinholeCamera, PosedCamera};
 pub use render::{render, render_at, render_moving, render_views, trace};
 pub use texture::{Motif, Placement, Texture};

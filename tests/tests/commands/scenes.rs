@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use multiscopic::{
     Frames, Rig,
-    scene::{RandomScene, Setting, Shot},
+    scene::{ObjectKind, RandomScene, Setting, Shot},
 };
 use multiscopic_core::{Frame, View, Views};
 use multiscopic_tests::program::Invocation;
@@ -69,6 +69,18 @@ fn a_studio_has_other_scenes() {
     }
 }
 
+/// The kinds come by turns, so that their order counts.
+#[test]
+fn objects_are_of_the_kinds_that_are_named() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let output = dir.path().join("scenes");
+    scene(&output, "--seed 9 --size 40x30 --views 1 --objects thin,blank").assert_done();
+    let kinds = [ObjectKind::Thin, ObjectKind::Blank];
+    let shot = RandomScene::of_kinds(Setting::Field, &kinds, 9, 0, [40, 30]).render(Views::STEREO);
+    let center = image::open(output.join("0000/center.png")).expect("the centre").into_rgb8();
+    assert_eq!(center, shot.center);
+}
+
 #[test]
 fn match_and_evaluate_read_a_scene() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -101,6 +113,7 @@ fn what_cannot_be_made_is_refused() {
     refused("--layout 2x2", &["must be odd"]);
     refused("--layout 3x3 --views 2", &["cannot be used with"]);
     refused("--seed -1", &["-1"]);
+    refused("--objects thin,soft", &["soft", "shiny, blank, thin, repeating"]);
     Invocation::new(["scene", "-o", "scenes"]).assert_refused(&["--random"]);
     Invocation::new(["scene", "--random"]).assert_refused(&["--output"]);
     assert!(!output.exists());

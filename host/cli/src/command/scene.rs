@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum, value_parser};
 use multiscopic::{
     Error, Result, Rig,
     files::{FrameFiles, Provenance, image_codec::write_png, output},
-    scene::{PinholeCamera, RandomScene, Setting, Shot},
+    scene::{ObjectKind, PinholeCamera, RandomScene, Setting, Shot},
 };
 use multiscopic_core::{Frame, Views};
 use rayon::prelude::*;
@@ -45,6 +45,10 @@ pub struct SceneCommand {
     #[arg(long, value_name = "SETTING", value_enum, default_value_t)]
     setting: SettingName,
 
+    /// Kinds of the objects before the walls, by turns, to see what a method makes of them [default: objects of any kind]
+    #[arg(long, value_name = "KIND,...", value_enum, value_delimiter = ',')]
+    objects: Vec<ObjectName>,
+
     /// Size of the views in pixels, from 16x16 to 4096x4096
     #[arg(long, value_name = "WxH", default_value = "256x192", value_parser = view_size)]
     size: [u32; 2],
@@ -76,6 +80,30 @@ impl From<SettingName> for Setting {
     }
 }
 
+/// The kinds of objects by their names.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ObjectName {
+    /// Polished, with reflections that each view sees elsewhere
+    Shiny,
+    /// Of a single colour
+    Blank,
+    /// Rods of 0.8 to 4.4 pixels in views that are 256 pixels wide
+    Thin,
+    /// Boards whose pattern repeats exactly along rows and columns
+    Repeating,
+}
+
+impl From<ObjectName> for ObjectKind {
+    fn from(name: ObjectName) -> ObjectKind {
+        match name {
+            ObjectName::Shiny => ObjectKind::Shiny,
+            ObjectName::Blank => ObjectKind::Blank,
+            ObjectName::Thin => ObjectKind::Thin,
+            ObjectName::Repeating => ObjectKind::Repeating,
+        }
+    }
+}
+
 impl SceneCommand {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
@@ -93,7 +121,8 @@ impl SceneCommand {
 
     /// Renders a scene and writes it to a folder, which appears once it is complete.
     fn write(&self, folder: &Path, number: u32, views: Views) -> Result<()> {
-        let random = RandomScene::within(self.setting.into(), self.seed, number.into(), self.size);
+        let kinds: Vec<ObjectKind> = self.objects.iter().copied().map(ObjectKind::from).collect();
+        let random = RandomScene::of_kinds(self.setting.into(), &kinds, self.seed, number.into(), self.size);
         let shot = random.render(views);
         let what = format!("a random scene, seed {}, number {number}", self.seed);
         output::write_folder(folder, |folder| write_capture(folder, &shot, &random.camera, what))

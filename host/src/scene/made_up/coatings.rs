@@ -17,15 +17,33 @@ pub enum Setting {
     Studio,
 }
 
+/// A kind of objects that are hard to match.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObjectKind {
+    /// Polished blocks, balls and columns. They mirror what is around them, which each view sees at another place of them.
+    Shiny,
+    /// Panels, blocks, balls and columns of a single colour, which gives matching nothing to hold on to.
+    Blank,
+    /// Rods of 0.8 to 4.4 pixels in images that are 256 pixels wide, and of proportionally more in wider ones.
+    Thin,
+    /// Boards that face the camera, with a motif that repeats exactly along rows and columns, at 5 to 20 pixels in images that are
+    /// 256 pixels wide.
+    Repeating,
+}
+
 /// The looks of the objects of one scene.
+#[derive(Clone)]
 pub struct Coatings {
     range: Range,
     /// The share of objects that look alike, and how they look.
     alike: f64,
     common: Coating,
+    /// The kind of the objects, if it is chosen.
+    kind: Option<ObjectKind>,
 }
 
 /// From what the looks of a scene are drawn.
+#[derive(Clone)]
 struct Range {
     /// The share of objects that are blank, and the share of backdrops.
     blank: f64,
@@ -65,12 +83,20 @@ impl Coatings {
             },
         };
         let common = coating(dice, &range, range.blank, true);
-        Coatings { range, alike: dice.pick([0.0, 0.0, 0.0, 0.6]), common }
+        Coatings { range, alike: dice.pick([0.0, 0.0, 0.0, 0.6]), common, kind: None }
+    }
+
+    /// The looks of objects of a kind.
+    pub fn of_kind(&self, kind: ObjectKind) -> Coatings {
+        Coatings { kind: Some(kind), ..self.clone() }
     }
 
     /// The look of the next object. Textures that have two dimensions are for panels, which are `flat`.
     pub fn next(&self, dice: &mut Dice, flat: bool) -> Coating {
-        self.next_of(dice, self.range.blank, flat)
+        match self.kind {
+            Some(kind) => coating(dice, &self.range, 0.0, flat).of_kind(dice, kind),
+            None => self.next_of(dice, self.range.blank, flat),
+        }
     }
 
     /// The look of a part of the backdrop.
@@ -94,6 +120,23 @@ impl Coating {
         };
         let placement = Placement { pose: self.pose, scale: self.zoom * footprint };
         Object { shape, pose, texture: self.texture, placement, finish }
+    }
+
+    /// The look of an object of a kind that looks like this otherwise.
+    fn of_kind(self, dice: &mut Dice, kind: ObjectKind) -> Coating {
+        match kind {
+            ObjectKind::Shiny => Coating { finish: Finish::Polished, ..self },
+            ObjectKind::Blank => Coating { texture: Texture::Plain(color(dice)), finish: Finish::Matte, ..self },
+            ObjectKind::Thin => self,
+            ObjectKind::Repeating => {
+                let light = color(dice);
+                let colors = [light, light * dice.between(0.1, 0.5)];
+                let texture =
+                    Texture::Repeated { motif: dice.pick(Motif::ALL), colors, pitch: dice.between(5.0, 20.0), clouds: 0.0 };
+                // A unit of the texture is a pixel, and its axes are those of the board.
+                Coating { texture, finish: Finish::Matte, zoom: 1.0, pose: Pose::at(Vec3::ZERO) }
+            }
+        }
     }
 
     /// The same look, of which another part is seen.

@@ -23,7 +23,7 @@ use coatings::Coatings;
 use flaws::Dice;
 use objects::{NOMINAL_WIDTH, Viewport, backdrop, foreground, illumination};
 
-pub use coatings::Setting;
+pub use coatings::{ObjectKind, Setting};
 pub use flaws::Flaws;
 
 /// A random scene, and a rig that captures it more or less well.
@@ -66,13 +66,22 @@ impl RandomScene {
     /// # Panics
     /// If the width or the height is 0.
     pub fn within(setting: Setting, seed: u64, number: u64, size: [u32; 2]) -> RandomScene {
+        RandomScene::of_kinds(setting, &[], seed, number, size)
+    }
+
+    /// The same with objects of these kinds alone before the backdrop, which may be anything; with objects of any kind if there
+    /// are none.
+    ///
+    /// # Panics
+    /// If the width or the height is 0.
+    pub fn of_kinds(setting: Setting, kinds: &[ObjectKind], seed: u64, number: u64, size: [u32; 2]) -> RandomScene {
         assert!(size[0] > 0 && size[1] > 0, "pictures of {}x{} pixels", size[0], size[1]);
         let mut dice = Dice::new(hash(seed) ^ hash(!number));
         let viewport = random_viewport(&mut dice, size);
         let coatings = Coatings::new(&mut dice, setting);
         let mut objects = backdrop(&mut dice, &viewport, &coatings);
         let (lamp, [sky, ground]) = illumination(&mut dice, &viewport, &objects);
-        objects.extend(foreground(&mut dice, &viewport, &coatings));
+        objects.extend(foreground(&mut dice, &viewport, &coatings, kinds));
         let (camera, flaws) = rig(&mut dice, &viewport, setting, size);
         let brightness = dice.between(0.25, 0.6);
         RandomScene { scene: Scene { objects, lamp, sky, ground, viewpoint: Viewport::pose() }, camera, flaws, brightness }
@@ -169,7 +178,10 @@ mod tests {
     use multiscopic_core::View;
 
     use super::*;
-    use crate::{images::FloatImage, scene::description::Object};
+    use crate::{
+        images::FloatImage,
+        scene::{description::Object, pinhole_camera::PosedCamera, texture::Texture},
+    };
 
     /// The grey value between pixels, by bilinear interpolation.
     fn gray_at(image: &RgbImage, [x, y]: [f64; 2]) -> f64 {
@@ -287,6 +299,139 @@ mod tests {
             let [below, above] = [values.iter().filter(|d| **d < low).count(), values.iter().filter(|d| **d > high).count()];
             assert!(below > 10 && above > 10, "{below} below {low}, {above} above {high}");
         }
+    }
+
+    /// A scene of objects of one kind, as an exact rig without noise captures it, and the objects that the pixels of the centre and
+    /// of the right view show.
+    fn of_kind(kind: ObjectKind, number: u64) -> (RandomScene, Shot, [Raster<usize>; 2]) {
+        let random = RandomScene::of_kinds(Setting::Field, &[kind], 6, number, [256, 192]);
+        let flaws = Flaws { blur: random.flaws.blur, blurs: random.flaws.blurs, ..Flaws::NONE };
+        let exact = RandomScene { camera: random.camera.ideal(), flaws, ..random };
+        let tracer = Tracer::new(&exact.scene, Quality::Quick);
+        let shown = [0.0, exact.camera.baseline_mm].map(|right| {
+            let camera = PosedCamera::beside(&exact.scene.viewpoint, &exact.camera, [right, 0.0]);
+            let object = |k: usize| {
+                let ray = camera.ray((k % 256) as f64, (k / 256) as f64).unwrap();
+                tracer.nearest(&ray, tracer.all()).unwrap().index
+            };
+            Raster::new(256, 192, (0..256 * 192).map(object).collect())
+        });
+        (exact.clone(), exact.render(Views::STEREO), shown)
+    }
+
+    /// The objects of a kind with the pixels that show them, and show them `reach` pixels away along rows and columns as well.
+    fn pixels_of(
+        random: &RandomScene,
+        shown: &Raster<usize>,
+        reach: usize,
+        is_of_kind: impl Fn(&Object) -> bool,
+    ) -> Vec<(usize, Vec<(usize, usize)>)> {
+        let objects = (0..random.scene.objects.len()).filter(|k| is_of_kind(&random.scene.objects[*k]));
+        let pixels = || (reach..192 - reach).flat_map(|v| (reach..256 - reach).map(move |u| (u, v)));
+        let of = |index: usize| {
+            let is_inside = |&(u, v): &(usize, usize)| {
+                (v - reach..=v + reach).all(|y| shown.get(u, y) == index)
+                    && (u - reach..=u + reach).all(|x| shown.get(x, v) == index)
+            };
+            (index, pixels().filter(is_inside).collect::<Vec<_>>())
+        };
+        objects.map(of).filter(|(_, pixels)| pixels.len() > 50).collect()
+    }
+
+    /// The mean grey difference of pixels of the centre and of what lies `step` columns to the right.
+    fn change(image: &RgbImage, pixels: &[(usize, usize)], step: f64) -> f64 {
+        let at = |u: f64, v: usize| gray_at(image, [u, v as f64]);
+        pixels.iter().map(|&(u, v)| (at(u as f64 + step, v) - at(u as f64, v)).abs()).sum::<f64>() / pixels.len() as f64
+    }
+
+    #[test]
+    fn blank_objects_have_no_gradient() {
+        let plain = |object: &Object| matches!(object.texture, Texture::Plain(_)) && object.finish == Finish::Matte;
+        let mut changes: Vec<f64> = (0..4)
+            .flat_map(|number| {
+                let (random, shot, [shown, _]) = of_kind(ObjectKind::Blank, number);
+                let objects = pixels_of(&random, &shown, 4, plain);
+                objects.iter().map(|(_, pixels)| change(&shot.center, pixels, 1.0)).collect::<Vec<_>>()
+            })
+            .collect();
+        changes.sort_unstable_by(f64::total_cmp);
+        // Round ones are darker on one side, and others cast shadows on them.
+        assert!(changes.len() > 10 && changes[changes.len() / 2] < 0.5 && changes[changes.len() - 1] < 4.0, "{changes:.2?}");
+    }
+
+    #[test]
+    fn shiny_objects_look_different_from_each_view() {
+        let (mut polished, mut matte) = (0.0, 0.0);
+        for number in 0..4 {
+            let (random, shot, [shown, shown_right]) = of_kind(ObjectKind::Shiny, number);
+            let without = random.clone().ideal().render(Views::STEREO);
+            for (index, pixels) in pixels_of(&random, &shown, 3, |object| object.finish == Finish::Polished) {
+                for (u, v) in pixels {
+                    let there = u as f64 - f64::from(shot.truth.get(u, v));
+                    let is_seen = |step: isize| {
+                        let x = there.round() as isize + step;
+                        (0..256).contains(&x) && shown_right.get(x as usize, v) == index
+                    };
+                    if is_seen(-3) && is_seen(3) {
+                        let difference = |shot: &Shot| {
+                            let right = gray_at(shot.frame(Frame::View(View::RIGHT)), [there, v as f64]);
+                            (right - gray_at(&shot.center, [u as f64, v as f64])).abs()
+                        };
+                        polished += difference(&shot);
+                        matte += difference(&without);
+                    }
+                }
+            }
+        }
+        assert!(polished > 1.5 * matte, "{polished} grey levels in all, {matte} without reflections");
+    }
+
+    #[test]
+    fn thin_objects_are_a_few_pixels_wide() {
+        for number in 0..4 {
+            let (_, _, [shown, _]) = of_kind(ObjectKind::Thin, number);
+            // The least way across an object in four directions, which is less than 1.1 times its width, and up to a pixel more.
+            let across = |u: usize, v: usize| {
+                let index = shown.get(u, v);
+                let way = |[x, y]: [isize; 2]| {
+                    let steps = |sign: isize| {
+                        let same = |k: &isize| {
+                            let (u, v) = (u as isize + sign * k * x, v as isize + sign * k * y);
+                            let is_inside = (0..256).contains(&u) && (0..192).contains(&v);
+                            is_inside && shown.get(u as usize, v as usize) == index
+                        };
+                        (1..).take_while(same).count()
+                    };
+                    (1 + steps(1) + steps(-1)) as f64 * f64::from((x * x + y * y) as u32).sqrt()
+                };
+                [[1, 0], [0, 1], [1, 1], [1, -1]].map(way).into_iter().fold(f64::INFINITY, f64::min)
+            };
+            // No backdrop has more than three surfaces.
+            let pixels = (0..192).flat_map(|v| (0..256).map(move |u| (u, v))).filter(|&(u, v)| shown.get(u, v) >= 3);
+            let ways: Vec<f64> = pixels.map(|(u, v)| across(u, v)).collect();
+            let widest = ways.iter().copied().fold(0.0, f64::max);
+            assert!(ways.len() > 500 && widest < 1.1 * 4.4 + 2.0_f64.sqrt(), "{} pixels, up to {widest}", ways.len());
+        }
+    }
+
+    #[test]
+    fn repeating_objects_are_alike_at_their_distance() {
+        let mut count = 0;
+        for number in 0..6 {
+            let (random, shot, [shown, _]) = of_kind(ObjectKind::Repeating, number);
+            for (index, pixels) in pixels_of(&random, &shown, 26, |object| matches!(object.texture, Texture::Repeated { .. })) {
+                let steps: Vec<f64> = (0..=80).map(|k| 4.0 + 0.25 * f64::from(k)).collect();
+                let changes: Vec<f64> = steps.iter().map(|step| change(&shot.center, &pixels, *step)).collect();
+                let most = changes.iter().copied().fold(0.0, f64::max);
+                let (least, at) = changes.into_iter().zip(steps).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+                let Texture::Repeated { pitch, clouds: 0.0, .. } = random.scene.objects[index].texture else { continue };
+                let times = (at / pitch).round();
+                assert!((1.0..5.5).contains(&times) && (at - times * pitch).abs() < 0.75, "{at} pixels for {pitch}");
+                assert!(least < 0.3 * most, "{least} of {most} grey levels");
+                count += 1;
+            }
+        }
+        assert!(count > 8, "{count} boards");
     }
 
     /// The numbers are the hashes of these bytes on every machine. They change only with the scenes.

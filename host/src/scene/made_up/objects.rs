@@ -1,7 +1,7 @@
 //! The objects of a made-up scene: the backdrop, which fills the image behind everything else, and those before it.
 
 use super::{
-    coatings::{Coating, Coatings},
+    coatings::{Coating, Coatings, ObjectKind},
     flaws::Dice,
 };
 use crate::scene::{
@@ -195,20 +195,19 @@ impl Viewport {
     }
 }
 
-/// Groups of objects at random places.
-pub fn foreground(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Vec<Object> {
-    let mut objects = Vec::new();
+/// Groups of objects at random places: of each of these kinds in turn, or of any kind if there are none.
+pub fn foreground(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings, kinds: &[ObjectKind]) -> Vec<Object> {
+    let (mut objects, mut kinds) = (Vec::new(), kinds.iter().cycle());
     for _ in 0..dice.count(4, 16) {
-        let mut group = Group::new(dice, viewport, coatings);
-        match group.dice.count(0, 19) {
-            0..=5 => group.panel(),
-            6..=9 => group.block(),
-            10..=12 => group.ball(),
-            13 | 14 => group.column(),
-            15 | 16 => group.twigs(),
-            17 => group.fence(),
-            18 => group.leaves(),
-            _ => group.frame(),
+        let kind = kinds.next();
+        let of_kind = kind.map(|kind| coatings.of_kind(*kind));
+        let mut group = Group::new(dice, viewport, of_kind.as_ref().unwrap_or(coatings));
+        match kind {
+            Some(ObjectKind::Thin) => group.twigs(),
+            Some(ObjectKind::Repeating) => group.board(),
+            Some(ObjectKind::Shiny) => group.shape(6, 14),
+            Some(ObjectKind::Blank) => group.shape(0, 14),
+            None => group.shape(0, 19),
         }
         objects.append(&mut group.objects);
     }
@@ -231,6 +230,29 @@ impl<'a> Group<'a> {
         let place = viewport.half.map(|half| dice.between(-1.1, 1.1) * half);
         let disparity = dice.between(viewport.far + 0.5, viewport.near);
         Group { dice, viewport, coatings, place, disparity, objects: Vec::new() }
+    }
+
+    /// Shapes by their number of twenty.
+    fn shape(&mut self, first: u32, last: u32) {
+        match self.dice.count(first, last) {
+            0..=5 => self.panel(),
+            6..=9 => self.block(),
+            10..=12 => self.ball(),
+            13 | 14 => self.column(),
+            15 | 16 => self.twigs(),
+            17 => self.fence(),
+            18 => self.leaves(),
+            _ => self.frame(),
+        }
+    }
+
+    /// An upright board that faces the camera.
+    fn board(&mut self) {
+        let half = [0; 2].map(|_| self.dice.between(25.0, 90.0));
+        let coating = self.coatings.next(self.dice, true);
+        let footprint = self.viewport.footprint(self.viewport.depth(self.disparity));
+        let shape = Shape::Panel { half_width: half[0] * footprint, half_height: half[1] * footprint };
+        self.objects.push(coating.object(shape, self.viewport.plane(self.place, self.disparity, [0.0; 2]), footprint));
     }
 
     /// A board at any angle.

@@ -157,6 +157,7 @@ impl Tracer<'_> {
             Finish::Matte => return diffuse,
             Finish::Satin => return diffuse + light.highlight * 0.25,
             Finish::Glazed => (fresnel(0.045, facing), hit.normal),
+            Finish::Polished => (fresnel(0.35, facing), hit.normal),
             Finish::Brushed => (0.42 * fresnel(0.75, facing), brushed_normal(object, place, hit.normal, sample)),
         };
         let scattered = diffuse * (1.0 - share);

@@ -23,7 +23,10 @@ use multiscopic_core::{View, Views, capture::Plan};
 
 use super::{
     hardware::Hardware,
-    options::{HardwareOptions, micrometres, read_lens, value::positive},
+    options::{
+        HardwareOptions, read_lens,
+        value::{micrometres, positive},
+    },
     terminal,
 };
 

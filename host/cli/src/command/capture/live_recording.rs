@@ -32,7 +32,7 @@ pub struct LiveRecording<'a> {
 impl<'a> LiveRecording<'a> {
     /// For captures whose focal length is known.
     pub fn new(recorder: &Recorder, search: &'a SearchOptions, foxglove: &FoxgloveOptions) -> Result<LiveRecording<'a>> {
-        let has_depth = recorder.focal_px.is_some();
+        let has_depth = recorder.parts.focal_px.is_some();
         let publisher = foxglove.publisher(has_depth)?;
         if !has_depth {
             return Err(Error::Usage(

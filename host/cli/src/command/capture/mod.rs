@@ -19,7 +19,7 @@ use clap::Args;
 use multiscopic::{
     Engine, Error, Result,
     capture::{
-        Accuracy, Clock, SimulatedCamera, SystemClock,
+        Accuracy, Clock, RigParts, SimulatedCamera, SystemClock,
         stage::{AnyStage, TurnedStage},
     },
     files::output,
@@ -40,7 +40,10 @@ use self::{
 use super::foxglove::FoxgloveOptions;
 use super::{
     hardware::Hardware,
-    options::{HardwareOptions, NeighborOptions, SearchOptions, micrometres, output_file, read_lens, value::positive},
+    options::{
+        HardwareOptions, NeighborOptions, SearchOptions, output_file, read_lens,
+        value::{micrometres, positive},
+    },
     terminal, view,
 };
 
@@ -226,12 +229,14 @@ impl RecorderOptions {
             hardware.stage = AnyStage::new(TurnedStage::new(hardware.stage, mount.split_roll().0));
         }
         let plan = Plan::new(Views::NONE, baseline_um);
-        Ok(Recorder { plan, baseline_um, extension: None, focal_px, lens, mount, hand_eye, hardware })
+        let (camera_name, stage_name) = (hardware.camera_name.clone(), hardware.stage_name.clone());
+        let parts = RigParts { camera_name, stage_name, baseline_um, focal_px, lens, mount, hand_eye };
+        Ok(Recorder { plan, extension: None, parts, hardware })
     }
 
     /// The recorder with the frames that are asked for.
     fn with_layout(&self, recorder: Recorder) -> Result<Recorder> {
-        let Recorder { baseline_um, focal_px, ref hardware, .. } = recorder;
+        let Recorder { parts: RigParts { baseline_um, focal_px, .. }, ref hardware, .. } = recorder;
         let asked = self.layout.accuracy.map(|accuracy| format!("--accuracy {accuracy}"));
         let asked = asked.or(self.layout.until.map(|goal| format!("--until \"{goal}\"")));
         if let (Some(option), None) = (&asked, focal_px) {

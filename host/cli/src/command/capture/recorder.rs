@@ -1,20 +1,17 @@
 //! Captures written to folders, and their logs.
 
 use std::{
-    collections::BTreeMap,
-    fmt::{self, Display, Write as _},
+    fmt::{self, Display},
     mem,
     path::{Path, PathBuf},
     time::Duration,
 };
 
-use jiff::Zoned;
 use multiscopic::{
-    CameraModel, FloatImage, Frames, Inspection, Result, Rig,
-    capture::{Acquisition, SimulatedCamera, acquire_images},
-    files::{FrameFiles, FramePose, Provenance, output},
-    images::Transform,
-    lens::{HandEye, LensFile, MeasuredViews, Mount, Undistortion},
+    FloatImage, Frames, Inspection, Result, Rig,
+    capture::{Acquisition, CaptureLog, RigParts, SimulatedCamera, acquire_images},
+    files::FramePose,
+    lens::Undistortion,
     stereo::next_view::Experience,
 };
 use multiscopic_core::{
@@ -33,18 +30,10 @@ use crate::command::{advice, hardware::Hardware, scene::TRUTH_FILE_NAME, termina
 pub struct Recorder {
     /// The frames that are taken, and their places.
     pub plan: Plan,
-    /// The distance from the centre to the nearest neighbours, in micrometres.
-    pub baseline_um: u32,
     /// The choice of more views, if they are taken as needed.
     pub extension: Option<Extension>,
-    /// The focal length in pixels, if it is known.
-    pub focal_px: Option<f64>,
-    /// The calibration of the camera's lens, if it is known.
-    pub lens: Option<LensFile>,
-    /// The rotation of the camera against the axes of the stage, if it is known.
-    pub mount: Option<Mount>,
-    /// The place of the camera on the tool of an arm, if it is known.
-    pub hand_eye: Option<HandEye>,
+    /// The parts of the rig, and what is known of them.
+    pub parts: RigParts,
     /// The stage and the camera.
     pub hardware: Hardware,
 }
@@ -92,8 +81,7 @@ impl Recorder {
     /// Takes one capture and writes it to `folder`, which appears once it is complete, even if the stage fails after the last
     /// frame. `observe` is told each step, how many frames are taken, and how many there are.
     pub fn record(&mut self, folder: &Path, observe: &mut dyn FnMut(&str, usize, usize)) -> Result<Recorded> {
-        let date = Zoned::now().strftime("%F %T %:z").to_string();
-        let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
+        let mut log = CaptureLog::new(&self.parts.camera_name, &self.parts.stage_name);
         if let Some(note) = &self.hardware.simulation {
             log.note(note);
         }
@@ -114,18 +102,12 @@ impl Recorder {
             log.note(&advice::error(error));
         }
         let all_notes: Vec<&str> = self.hardware.simulation.iter().chain(&notes).map(String::as_str).collect();
-        let poses = poses.into_iter().map(|(frame, pose)| (frame.to_string(), pose)).collect();
-        let mut rig = Rig { poses, ..self.rig(&frames, date, (!all_notes.is_empty()).then(|| all_notes.join("\n"))) };
-        // What was measured is nearer to the truth than what was asked for.
-        let measured_mm = MeasuredViews::of_rig(&rig, self.hand_eye.as_ref()).baseline_mm(&rig);
-        rig.baseline_mm = measured_mm.map(to_tenths_of_micrometres).or(rig.baseline_mm);
-        let undistortion = undistortion(&rig, &self.lens, frames.size())?;
+        let all_notes = (!all_notes.is_empty()).then(|| all_notes.join("\n"));
+        let rig = self.parts.measured_rig(&frames, poses, &log, all_notes);
+        let undistortion = self.parts.undistortion(&rig, frames.size())?;
         let simulated = self.hardware.simulated.as_ref();
         let truth = simulated.and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
-        output::write_folder(folder, |folder| {
-            frames.save(&rig.images.within(folder))?;
-            self.save(folder, &rig, truth.as_ref(), &log)
-        })?;
+        self.parts.write(folder, &frames, &rig, &log, |folder| save_truth(truth.as_ref(), folder))?;
         let frames = frames.without_color();
         let [width, height] = frames.size();
         let ideal = undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames));
@@ -138,7 +120,7 @@ impl Recorder {
             height,
             views: frames.views().iter().map(|view| view.to_string()).collect(),
             baseline_mm: rig.baseline_mm.unwrap_or_default(),
-            focal_px: self.focal_px,
+            focal_px: self.parts.focal_px,
             min_disparity,
             num_disparities,
             notes,
@@ -162,11 +144,11 @@ impl Recorder {
         observe: &mut dyn FnMut(&str, usize, usize),
     ) -> Result<Option<bool>> {
         let Some(extension) = &self.extension else { return Ok(None) };
-        let rig = self.rig(frames, String::new(), None);
+        let rig = self.parts.rig(frames);
         let geometry = rig.geometry(frames.size()).expect("an accuracy comes with the focal length");
-        let undistortion = undistortion(&rig, &self.lens, frames.size())?;
+        let undistortion = self.parts.undistortion(&rig, frames.size())?;
         let ideal = |frames: &Frames| undistortion.as_ref().map_or_else(|| frames.clone(), |lens| lens.frames(frames));
-        let (hardware, baseline_um) = (&mut self.hardware, self.baseline_um);
+        let (hardware, baseline_um) = (&mut self.hardware, self.parts.baseline_um);
         // Takes views, and adds them to some frames, or if that fails to those that are kept.
         let mut take = |views: Views, to: Frames, frames: &mut Frames, poses: &mut Vec<(Frame, FramePose)>| {
             let plan = Plan::of_views(views, baseline_um).shortened(hardware.policy.backlash_um);
@@ -233,60 +215,11 @@ impl Recorder {
             }
         }
     }
-
-    /// Writes all files of a capture but the images.
-    pub(super) fn save(&self, folder: &Path, rig: &Rig, truth: Option<&FloatImage>, log: &CaptureLog) -> Result<()> {
-        if let Some(truth) = truth {
-            multiscopic::files::write_pfm(truth, &folder.join(TRUTH_FILE_NAME))?;
-        }
-        output::write(&folder.join(CaptureLog::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;
-        if let Some(lens) = &self.lens {
-            lens.camera.save(&folder.join(CameraModel::FILE_NAME))?;
-        }
-        if let Some(hand_eye) = &self.hand_eye {
-            hand_eye.save(&folder.join(HandEye::FILE_NAME))?;
-        } else if let Some(mount) = &self.mount {
-            mount.save(&folder.join(Mount::FILE_NAME))?;
-        }
-        rig.save(folder)
-    }
-
-    pub(super) fn rig(&self, frames: &Frames, date: String, notes: Option<String>) -> Rig {
-        let lens = self.lens.as_ref().map(|lens| lens.camera);
-        let middle = frames.size().map(|side| (side as f64 - 1.0) / 2.0);
-        Rig {
-            baseline_mm: Some(f64::from(self.baseline_um) / 1000.0),
-            focal_px: self.focal_px,
-            principal_point: Some(lens.map_or(middle, |camera| camera.principal_point)),
-            doffs: 0.0,
-            lens: lens.map(|_| CameraModel::FILE_NAME.into()),
-            mount_rotation_deg: self.mount.map(|mount| mount.split_roll().1.rotation_deg),
-            hand_eye: self.hand_eye.map(|_| HandEye::FILE_NAME.into()),
-            mount_roll_deg: self.mount.map(|mount| mount.split_roll().0.to_degrees()),
-            sweep: Vec::new(),
-            images: FrameFiles::of_capture(frames.views()),
-            alignment: None,
-            poses: BTreeMap::new(),
-            capture: Provenance {
-                camera: Some(self.hardware.camera_name.clone()),
-                stage: Some(self.hardware.stage_name.clone()),
-                date: Some(date),
-                notes,
-                ..Provenance::default()
-            },
-        }
-    }
 }
 
-/// A length without digits that no stage measures.
-pub(super) fn to_tenths_of_micrometres(mm: f64) -> f64 {
-    (mm * 1e4).round() / 1e4
-}
-
-/// Returns what makes the frames of a rig ideal, unless they are.
-pub(super) fn undistortion(rig: &Rig, lens: &Option<LensFile>, size: [usize; 2]) -> Result<Option<Undistortion>> {
-    let calibration = LensFile::with_mount(lens.clone(), rig, Path::new(Rig::FILE_NAME));
-    calibration.map(|calibration| calibration.undistortion(size)).transpose()
+/// Writes the true disparities of a simulated capture.
+pub(super) fn save_truth(truth: Option<&FloatImage>, folder: &Path) -> Result<()> {
+    truth.map_or(Ok(()), |truth| multiscopic::files::write_pfm(truth, &folder.join(TRUTH_FILE_NAME)))
 }
 
 /// The true disparities of a simulated capture, as `match` should find them: those of the points that each pixel of the centre
@@ -318,8 +251,7 @@ fn acquire(
     let mut done = 0;
     let Hardware { stage, camera, policy, interrupts, .. } = hardware;
     let images = acquire_images(stage, camera, plan, *policy, interrupts, |elapsed, progress| {
-        let step = step_in_words(plan, progress);
-        log.add(elapsed, &step);
+        let step = log.step(plan, elapsed, progress);
         if let CaptureProgress::Captured(_) = progress {
             bar.inc(1);
             done += 1;
@@ -328,7 +260,9 @@ fn acquire(
         bar.set_message(step);
     });
     bar.finish_and_clear();
-    images.iter().flat_map(|taken| &taken.poses).for_each(|(frame, pose)| log.note(&pose_in_words(*frame, pose)));
+    if let Ok(taken) = &images {
+        log.places(&taken.poses);
+    }
     if let Some(note) = hardware.warn_of_unlocked() {
         log.note(note);
     }
@@ -347,61 +281,4 @@ fn path(hardware: &Hardware, plan: &Plan) -> String {
         moves.as_secs_f64(),
         (policy.settle * count as u32).as_secs_f64()
     )
-}
-
-/// The text of `capture.log`: when and with what the capture was made, then its steps with their times.
-#[derive(Clone, Debug)]
-pub(super) struct CaptureLog(String);
-
-impl CaptureLog {
-    /// Its file, within the folder of the capture.
-    const FILE_NAME: &str = "capture.log";
-
-    /// A log that has its header.
-    pub(super) fn new(date: &str, camera: &str, stage: &str) -> CaptureLog {
-        CaptureLog(format!("{date}\ncamera: {camera}\nstage: {stage}\n"))
-    }
-
-    /// Adds a step that began `elapsed` after the capture did.
-    pub(super) fn add(&mut self, elapsed: Duration, step: &str) {
-        let _ = writeln!(self.0, "{:9.3} s  {step}", elapsed.as_secs_f64());
-    }
-
-    /// Adds a line about the capture as a whole.
-    pub(super) fn note(&mut self, note: &str) {
-        let _ = writeln!(self.0, "{note}");
-    }
-
-    /// The text.
-    fn as_bytes(&self) -> &[u8] {
-        self.0.as_bytes()
-    }
-}
-
-/// The place where a frame was taken, in words.
-fn pose_in_words(frame: Frame, pose: &FramePose) -> String {
-    let FramePose { asked_mm: [x, y], counted_mm, measured, .. } = pose;
-    let counted = counted_mm.map(|[x, y]| format!(", counted ({x:.3}, {y:.3})"));
-    let measured = measured.map(|Transform { translation_mm: [x, y, z], rotation_deg: [a, b, c] }| {
-        format!(", measured ({x:.3}, {y:.3}, {z:.3}) mm and ({a:.4}, {b:.4}, {c:.4}) deg in the frame of the base")
-    });
-    format!("{frame}: asked for ({x}, {y}) mm{}{}", counted.unwrap_or_default(), measured.unwrap_or_default())
-}
-
-/// A step of a capture of `plan`, in words.
-fn step_in_words(plan: &Plan, progress: CaptureProgress) -> String {
-    let name = |index: usize| plan.frames().get(index).copied().map_or(String::new(), |frame| frame.to_string());
-    match progress {
-        CaptureProgress::Moving(index) => {
-            let position = plan.positions().get(index).copied().unwrap_or_default();
-            let [x, y] = [position.x_um, position.y_um].map(|um| f64::from(um) / 1000.0);
-            format!("moving to ({x}, {y}) mm for the {} frame", name(index))
-        }
-        CaptureProgress::Settling(index) => format!("settling for the {} frame", name(index)),
-        CaptureProgress::Capturing(index) => format!("capturing the {} frame", name(index)),
-        CaptureProgress::Captured(index) => format!("captured the {} frame", name(index)),
-        CaptureProgress::Retrying(index) => format!("retrying the {} frame", name(index)),
-        CaptureProgress::Returning => "returning to the centre".into(),
-        CaptureProgress::Done => "done".into(),
-    }
 }

@@ -9,22 +9,21 @@ use std::{
 };
 
 use image::GrayImage;
-use jiff::Zoned;
 use multiscopic::{
     Error, Frames, Inspection, Picture, Result, Rig,
     alignment::{Delay, Way},
-    capture::{Clock, FreeCamera, SimulatedStream, SteppedClock, SweptFrames, SystemClock, acquire_sweep},
-    files::{SweepFrame, output},
+    capture::{CaptureLog, Clock, FreeCamera, SimulatedStream, SteppedClock, SweptFrames, SystemClock, acquire_sweep},
+    files::SweepFrame,
 };
 use multiscopic_core::{Frame, View};
 use serde::Serialize;
 
 use super::{
     Capture, Recorder,
-    recorder::{CaptureLog, to_tenths_of_micrometres, true_disparities, undistortion},
+    recorder::{save_truth, true_disparities},
 };
 use crate::command::{
-    options::{CameraSpec, micrometres},
+    options::{CameraSpec, value::micrometres},
     terminal,
 };
 
@@ -119,8 +118,7 @@ impl Recorder {
         length_um: u32,
         exposure_ms: Option<f64>,
     ) -> Result<Swept> {
-        let date = Zoned::now().strftime("%F %T %:z").to_string();
-        let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
+        let mut log = CaptureLog::new(&self.parts.camera_name, &self.parts.stage_name);
         self.hardware.simulation.iter().for_each(|note| log.note(note));
         let bar = terminal::progress(STEPS, "steps");
         let observe = |elapsed: Duration, step: &str| {
@@ -156,17 +154,16 @@ impl Recorder {
                 "{count} frames came while the stage moved, and a sweep needs 2: give a lower --speed"
             )));
         }
+        let center = Frames::of_picture(taken.center.clone());
         let notes = self.hardware.simulation.clone();
-        let mut shown = Frames::of_picture(taken.center.clone());
-        let center = self.rig(&shown, date, notes);
         let rig = Rig {
             baseline_mm: Some(baseline_mm),
             sweep: frames.iter().map(|(frame, _)| frame.clone()).collect(),
-            poses: [(Frame::Center.to_string(), taken.pose)].into(),
-            ..center
+            ..self.parts.measured_rig(&center, vec![(Frame::Center, taken.pose)], &log, notes)
         };
-        let undistortion = undistortion(&rig, &self.lens, shown.size())?;
+        let undistortion = self.parts.undistortion(&rig, center.size())?;
         let truth = self.hardware.simulated.as_ref().and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
+        let mut shown = center.clone();
         for (view, place) in [(View::LEFT, -baseline_mm), (View::RIGHT, baseline_mm)] {
             let distance = |frame: &SweepFrame| (frame.offset_mm - place).abs();
             let nearest = frames.iter().min_by(|(a, _), (b, _)| distance(a).total_cmp(&distance(b)));
@@ -201,7 +198,7 @@ impl Recorder {
             width,
             height,
             baseline_mm,
-            focal_px: self.focal_px,
+            focal_px: self.parts.focal_px,
             delay_ms: 1e3 * delay.seconds,
             delay_within_ms: 2e3 * delay.deviation,
             line_us: line_s.map(|seconds| 1e6 * seconds),
@@ -209,10 +206,9 @@ impl Recorder {
         };
         log.note(&swept.to_string());
         swept.warnings.iter().for_each(|warning| log.note(warning));
-        output::write_folder(folder, |folder| {
-            taken.center.write_png(&folder.join(&rig.images.center))?;
+        self.parts.write(folder, &center, &rig, &log, |folder| {
             frames.iter().try_for_each(|(frame, picture)| picture.write_png(&folder.join(&frame.image)))?;
-            self.save(folder, &rig, truth.as_ref(), &log)
+            save_truth(truth.as_ref(), folder)
         })?;
         match failure {
             Some(error) => {
@@ -251,7 +247,8 @@ fn placed(taken: &SweptFrames, delay: Delay, half_mm: f64) -> Vec<(SweepFrame, &
     let named = moving.zip(1..).map(|((time, mm, picture), number)| {
         let exposed = Some(taken.began + Duration::from_secs_f64(time));
         let image = format!("{number:03}.png").into();
-        (SweepFrame { image, offset_mm: to_tenths_of_micrometres(mm), exposed }, picture)
+        // Without digits that no stage measures.
+        (SweepFrame { image, offset_mm: (mm * 1e4).round() / 1e4, exposed }, picture)
     });
     named.collect()
 }

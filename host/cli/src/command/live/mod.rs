@@ -72,7 +72,7 @@ impl Live {
         fs::create_dir_all(output).map_err(|source| Error::Write { path: output.clone(), source })?;
         let recorder = recorder.recorder()?;
         let page = Page { title: "Live", has_camera: true };
-        let publisher = self.serving.foxglove.publisher(recorder.focal_px.is_some())?;
+        let publisher = self.serving.foxglove.publisher(recorder.parts.focal_px.is_some())?;
         let bench = Arc::new(Workbench::new(self.engine.engine()?, publisher));
         let studio = Arc::new(Studio::new(bench.clone(), output));
         let served = self.serving.bind()?;

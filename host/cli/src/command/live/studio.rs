@@ -14,7 +14,7 @@ use std::{
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use image::{GrayImage, codecs::jpeg::JpegEncoder};
-use multiscopic::{Error, Picture, Result, Rig};
+use multiscopic::{Error, Picture, Result, Rig, capture::ImageCamera as _};
 use multiscopic_core::capture::Camera as _;
 use serde::{Deserialize, Serialize};
 use serde_json::json;

@@ -7,14 +7,11 @@ use std::{
 };
 
 use multiscopic::{
-    DisparityMap, Engine, Frames, Geometry, Inspection, MatchSetup, Method, Picture, Progress, RangeSource, Result,
+    Engine, FloatImage, Frames, Geometry, Inspection, MatchSetup, Method, Picture, Progress, RangeSource, Result,
     files::{Cloud, MatchedImages, ros::RosRecording},
     images::FrameTree,
     lens::Undistortion,
-    stereo::{
-        MethodName,
-        confidence_map::{self, ConfidenceMap},
-    },
+    stereo::{Estimate, MethodName, confidence_map},
 };
 use multiscopic_core::{Frame, SearchSpace};
 
@@ -40,6 +37,8 @@ pub struct TunedRig {
     geometry: Option<Geometry>,
     undistortion: Option<Undistortion>,
     frame_tree: FrameTree,
+    /// The standard deviation of the baseline, in millimetres.
+    baseline_deviation_mm: f64,
     /// The time at which the centre was exposed.
     exposed: SystemTime,
     inspection: Inspection,
@@ -53,7 +52,13 @@ pub struct TunedMatch {
     pub search: SearchSpace,
 }
 
-/// The outcome of a match.
+/// A match, and the seconds that it took.
+pub struct Matched {
+    found: Estimate,
+    seconds: f64,
+}
+
+/// A match as the page takes it.
 pub struct Tuned {
     pub map: EncodedMap,
     /// One line about it.
@@ -91,8 +96,20 @@ impl TunedRig {
             None => center,
         };
         let frame_tree = source.frame_tree(undistortion.as_ref(), None, None)?;
-        let (folder, suited, exposed) = (folder.into(), Default::default(), source.exposed());
-        Ok(TunedRig { folder, frames, suited, center, geometry, undistortion, frame_tree, exposed, inspection, scene })
+        let baseline_deviation_mm = source.rig.as_ref().map_or(0.0, |rig| rig.baseline_deviation_mm(frames.views()));
+        Ok(TunedRig {
+            folder: folder.into(),
+            frames,
+            suited: Default::default(),
+            center,
+            geometry,
+            undistortion,
+            frame_tree,
+            baseline_deviation_mm,
+            exposed: source.exposed(),
+            inspection,
+            scene,
+        })
     }
 
     /// Its folder.
@@ -128,31 +145,47 @@ impl TunedRig {
         Ok(TunedMatch { name: options.method.name(), method, search })
     }
 
-    /// Matches it.
-    pub fn run(&self, plan: &TunedMatch, engine: &Engine, progress: &dyn Progress) -> Result<(DisparityMap, ConfidenceMap, f64)> {
-        let start = Instant::now();
-        let suited = &self.suited[2 * usize::from(plan.method.compares_brightness()) + usize::from(plan.method.needs_color())];
-        let frames = suited.get_or_init(|| self.inspection.frames_for(&plan.method, self.frames.clone()));
-        let (mut disparities, mut confidences) =
-            plan.method.disparities_and_confidences(engine, frames, &plan.search, progress)?;
-        mask_unseen(self.undistortion.as_ref(), &mut disparities, Some(&mut confidences));
-        Ok((disparities, confidences, start.elapsed().as_secs_f64()))
+    /// Its frames as a method takes them.
+    fn suited(&self, method: &Method) -> &Frames {
+        let suited = &self.suited[2 * usize::from(method.compares_brightness()) + usize::from(method.needs_color())];
+        suited.get_or_init(|| self.inspection.frames_for(method, self.frames.clone()))
     }
 
-    /// A match as ROS 2 takes it. `None` without the focal length or the baseline.
+    /// Matches it.
+    pub fn run(&self, plan: &TunedMatch, engine: &Engine, progress: &dyn Progress) -> Result<Matched> {
+        let start = Instant::now();
+        let mut found = plan.method.estimate(engine, self.suited(&plan.method), &plan.search, progress)?;
+        mask_unseen(self.undistortion.as_ref(), &mut found.disparities, Some(&mut found.confidences));
+        Ok(Matched { found, seconds: start.elapsed().as_secs_f64() })
+    }
+
+    /// The standard deviations of the depths of a match in metres. `None` if they are not known.
+    pub fn deviations(&self, plan: &TunedMatch, engine: &Engine, Matched { found, .. }: &Matched) -> Option<FloatImage> {
+        let (Estimate { disparities, confidences, baselines }, geometry) = (found, self.geometry.as_ref()?);
+        let frames = self.suited(&plan.method);
+        let deviations = plan.method.deviations(engine, frames, frames.views(), disparities, confidences, baselines)?;
+        Some(geometry.depth_deviations(disparities, &deviations, self.baseline_deviation_mm))
+    }
+
+    /// A match as ROS 2 takes it, with the deviations of its depths. `None` without the focal length or the baseline.
     pub fn recording<'a>(
         &'a self,
         plan: &TunedMatch,
-        (disparities, confidences, _): &'a (DisparityMap, ConfidenceMap, f64),
+        Matched { found, .. }: &'a Matched,
+        deviations: Option<&'a FloatImage>,
     ) -> Option<RosRecording<'a>> {
-        let (center, geometry) = (&self.center, self.geometry.as_ref()?);
-        let cloud =
-            Cloud { confidences: Some(confidences), frames: self.frame_tree, ..Cloud::new(disparities, center, geometry) };
+        let cloud = Cloud {
+            confidences: Some(&found.confidences),
+            deviations,
+            frames: self.frame_tree,
+            ..Cloud::new(&found.disparities, &self.center, self.geometry.as_ref()?)
+        };
         Some(RosRecording { cloud, range: [plan.search.min_disparity(), plan.search.max_disparity()] })
     }
 
     /// A match as the page takes it.
-    pub fn tuned(&self, plan: &TunedMatch, (disparities, confidences, seconds): (DisparityMap, ConfidenceMap, f64)) -> Tuned {
+    pub fn tuned(&self, plan: &TunedMatch, Matched { found, seconds }: Matched) -> Tuned {
+        let Estimate { disparities, confidences, .. } = found;
         let TunedMatch { name, method, search } = plan;
         let results = (&disparities, Some(&confidences));
         let map = self.scene.encoded(matched_map((*name).into(), (name, method), search, results, Some(seconds)));

@@ -194,7 +194,8 @@ impl Workbench {
                 break;
             }
             let outcome = outcome?;
-            if let (Some(publisher), Some(recording)) = (&self.publisher, rig.recording(plan, &outcome)) {
+            let deviations = self.publisher.as_ref().and_then(|_| rig.deviations(plan, &self.engine, &outcome));
+            if let (Some(publisher), Some(recording)) = (&self.publisher, rig.recording(plan, &outcome, deviations.as_ref())) {
                 publisher.publish(&recording, rig.exposed())?;
             }
             let Tuned { map, summary, warnings } = rig.tuned(plan, outcome);

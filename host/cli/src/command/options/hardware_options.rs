@@ -12,7 +12,7 @@ use multiscopic::{
 };
 use multiscopic_core::capture::Policy;
 
-use super::value::{positive, size};
+use super::value::{micrometres, positive, size};
 
 /// The default backlash of a machine with screws or belts, in micrometres.
 const GCODE_BACKLASH_UM: u32 = 500;
@@ -262,23 +262,12 @@ fn seconds(option: &str, number: f64) -> Result<Duration> {
     Duration::try_from_secs_f64(number).map_err(|error| Error::Usage(format!("{option} is {number} s: {error}")))
 }
 
-/// Whole micrometres, at least one and at most a metre.
-pub fn micrometres(option: &str, millimetres: f64) -> Result<u32> {
-    let micrometres = (1000.0 * millimetres).round();
-    if !(1.0..=1e6).contains(&micrometres) {
-        return Err(Error::Usage(format!("{option} is {millimetres} mm, it must be from 0.001 to 1000")));
-    }
-    Ok(micrometres as u32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn numbers() {
-        assert_eq!(micrometres("--baseline", 20.0005).unwrap(), 20_001);
-        assert!([0.0004, 1001.0, f64::INFINITY].iter().all(|&mm| micrometres("--baseline", mm).is_err()));
         assert!(duration("0").is_ok() && duration("-1").is_err() && duration("nan").is_err());
     }
 }

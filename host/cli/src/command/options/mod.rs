@@ -8,7 +8,7 @@ use clap::Args;
 use multiscopic::{Result, images::Layout};
 use multiscopic_core::Views;
 
-pub use hardware_options::{CameraSpec, HardwareOptions, RealCamera, SettingsOptions, micrometres};
+pub use hardware_options::{CameraSpec, HardwareOptions, RealCamera, SettingsOptions};
 pub use multiscopic_options::{
     BaselineOptions, BitsOption, EngineOptions, MatchingOptions, MemoryOptions, MethodOptions, Named, PRIOR_EXCLUDES,
     PreparationOptions, SearchOptions, named, value, views_of_count,

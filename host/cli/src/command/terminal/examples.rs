@@ -170,6 +170,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         &[
             ("A hundred scenes, with two neighbours", "multiscopic scene --random --count 100 --views 2 -o scenes"),
             ("A large one, with an array", "multiscopic scene --random --seed 7 --size 1024x768 --views 8 -o scene"),
+            ("Thin and blank objects alone", "multiscopic scene --random --count 20 --objects thin,blank -o hard"),
         ],
     ),
     (

@@ -177,17 +177,7 @@ fn scene(engine: &Engine, number: u64) -> Result<Row> {
     let offset = |step: i8| SweepOffset::from_bits(i32::from(step) * SweepOffset::STEPS / i32::from(STEPS)).expect("in range");
     let placed: Vec<_> = frames.iter().map(|(step, image)| (offset(*step), image)).collect();
     let found = sweep(&params, &center, &placed);
-    let ends = frames.iter().filter(|(step, _)| step.abs() == STEPS);
-    let ends = ends.fold(Frames::new(center.clone()), |set, (step, image)| set.with(side(*step), image.clone()));
-    let ends_search = SearchConfig { views: ends.views(), fusion: Fusion::default_for(2), ..search };
-    let dense = dense_sweep(
-        engine,
-        &Method::net(),
-        &ends,
-        &SweepParams::new(ends_search.checked()?, (16.0 * NOISE) as u16, 2)?,
-        &placed,
-        &(),
-    )?;
+    let dense = dense_sweep(engine, &Method::net(), &Frames::new(center.clone()), &params, &placed, &())?;
     let five = Views::CROSS
         .iter()
         .fold(Frames::new(center), |five, view| five.with(view, noisy(shot.frame(Frame::View(view)), &mut random)));
@@ -201,11 +191,6 @@ fn scene(engine: &Engine, number: u64) -> Result<Row> {
         block_matching: metrics(Method::block_matching(11))?,
         net: metrics(Method::net())?,
     })
-}
-
-/// The neighbour at the end of the steps to this side.
-fn side(step: i8) -> View {
-    if step < 0 { View::LEFT } else { View::RIGHT }
 }
 
 /// The nine cameras of the centre row.
@@ -238,13 +223,10 @@ fn cotton(engine: &Engine) -> Result<()> {
     let found = sweep(&params, &center, &placed);
     let time = start.elapsed();
     println!("cotton, nine cameras: filter {}", errors(&found.disparities, &found.confidences, &truth)?);
-    let ends = frames.iter().filter(|(step, _)| step.abs() == 4);
-    let ends = ends.fold(Frames::new(center), |set, (step, image)| set.with(side(*step as i8), image.clone()));
-    let search = SearchConfig { views: ends.views(), fusion: Fusion::default_for(2), ..search };
-    let params = SweepParams::new(search.checked()?, 16, 2)?;
-    for (name, placed) in [("two", &placed[..0]), ("dense, nine", &placed)] {
-        let dense = dense_sweep(engine, &Method::net(), &ends, &params, placed, &())?;
-        println!("    {name} cameras: {}", errors(&dense.disparities, &dense.confidences, &truth)?);
+    let set = Frames::new(center);
+    for (name, placed) in [("two", &placed[placed.len() - 2..]), ("nine", &placed)] {
+        let dense = dense_sweep(engine, &Method::net(), &set, &params, placed, &())?;
+        println!("    dense, {name} cameras: {}", errors(&dense.disparities, &dense.confidences, &truth)?);
     }
     let each = time.as_secs_f64() / placed.len() as f64 / f64::from(width * height) * 640.0 * 480.0;
     println!("640x480, one thread: {:.1} frames a second", 1.0 / each);

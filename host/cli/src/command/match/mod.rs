@@ -153,7 +153,7 @@ impl Match {
         settings: &RunSettings,
     ) -> Result<(Summary, DisparityMap)> {
         if let Some(sweep) = source.load_sweep()? {
-            return self.matched_sweep(source, sweep, outputs, settings);
+            return self.matched_sweep(source, sweep, outputs, engine, settings);
         }
         let (mut frames, mut center, mut undistortion) = source.load()?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;

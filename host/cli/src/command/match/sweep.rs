@@ -3,9 +3,9 @@
 use std::time::Instant;
 
 use multiscopic::{
-    DisparityMap, Error, Result,
+    DisparityMap, Engine, Error, Result,
     images::noise,
-    stereo::{Sweep, confidence_map, sweep},
+    stereo::{Estimate, Method, confidence_map, dense_sweep},
 };
 use multiscopic_core::{Frame, SweepParams};
 
@@ -15,6 +15,7 @@ use crate::{
         batch::RunSettings,
         options::{LoadedSweep, Source},
         preparation::{mask_unseen, prepare, say_if_much},
+        terminal::Watch,
     },
     report::ViewedMap,
 };
@@ -66,6 +67,7 @@ impl Match {
         mut source: Source,
         mut loaded: LoadedSweep,
         outputs: &Outputs,
+        engine: &Engine,
         settings: &RunSettings,
     ) -> Result<(Summary, DisparityMap)> {
         if let Some(option) = settings.parameters.keys().find(|option| !OBEYED.contains(&&***option)) {
@@ -118,8 +120,10 @@ impl Match {
         say_if_much("matching", 4 * params.memory_words() as u64);
         let start = Instant::now();
         let images: Vec<_> = placed.iter().map(|(offset, image)| (*offset, image)).collect();
-        let Sweep { mut disparities, mut confidences, .. } =
-            sweep(&params, frames.get(Frame::Center).expect("a rig has a centre"), &images);
+        let watch = Watch::new();
+        let found = dense_sweep(engine, &Method::net(), &frames, &params, &images, &watch)?;
+        watch.finish();
+        let Estimate { mut disparities, mut confidences, .. } = found;
         let seconds = start.elapsed().as_secs_f64();
         if let Some(least) = self.matching.min_confidence() {
             confidence_map::filter_by_confidence(&mut disparities, &mut confidences, least);

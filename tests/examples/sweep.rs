@@ -8,18 +8,24 @@
 //!
 //! The light field `cotton` follows, if it is in `$MULTISCOPIC_DATA`: the nine cameras of its centre row, at four camera steps.
 //!
+//! `filter` is the core's filter alone, and `dense` that with the network on the two outermost frames.
+//!
 //! With 24 scenes, on 2 cores (x86-64), 2026-11-30, AvgErr and Bad1:
 //!
 //! ```text
-//! 10 scenes: 0.666, 14.78 %; sure 34.2 % with RMS 0.473, median 0.056, Bad1 1.66 %;
-//!     five views: bm 0.888, 17.04 %, net 0.342, 4.32 %
-//! 14 harder scenes: 2.820, 48.49 %; sure 15.9 % with RMS 2.501, median 0.104, Bad1 14.42 %;
-//!     five views: bm 3.684, 53.20 %, net 1.582, 26.35 %
-//! cotton: 0.204, 3.25 %; sure 58.1 % with RMS 0.216, median 0.035, Bad1 0.17 %; net with two views: 0.082
+//! 10 scenes: filter 0.684, 15.38 %; sure 33.1 % with RMS 0.488, median 0.061, Bad1 1.79 %
+//!     dense 0.364, 5.44 %; sure 75.3 % with RMS 0.310, median 0.073, Bad1 0.88 %
+//!     five views: bm 0.888, 17.04 %; net 0.342, 4.32 %
+//! 14 harder scenes: filter 2.938, 49.27 %; sure 14.6 % with RMS 2.504, median 0.104, Bad1 13.50 %
+//!     dense 1.384, 25.08 %; sure 36.0 % with RMS 0.704, median 0.103, Bad1 2.17 %
+//!     five views: bm 3.684, 53.20 %; net 1.582, 26.35 %
+//! cotton, nine cameras: filter 0.209, 3.40 %; sure 57.6 % with RMS 0.205, median 0.038, Bad1 0.17 %
+//!     dense, two cameras: 0.094, 0.62 %; sure 96.4 % with RMS 0.175, median 0.043, Bad1 0.09 %
+//!     dense, nine cameras: 0.088, 0.63 %; sure 96.6 % with RMS 0.205, median 0.036, Bad1 0.12 %
 //! ```
 //!
-//! Constants were chosen on scenes 0 to 4 and on cotton, and the table of confidences on scenes 6 to 45 of the same seed. Most of
-//! the errors are where near edges own the disparity of plain background, 3 to 6 pixels wide.
+//! Constants were chosen on scenes 0 to 7 and on cotton, and the table of confidences on scenes 6 to 45 of the same seed. Most of
+//! the filter's errors are where near edges own the disparity of plain background, 3 to 6 pixels wide.
 
 use std::{env, error::Error, fs, path::PathBuf, time::Instant};
 

@@ -58,7 +58,7 @@ impl SweepOffset {
 ///     Err(_) => panic!("no search"),
 /// };
 /// // Eight bytes for each pixel, and some lines.
-/// assert_eq!(4 * PARAMS.memory_words(), 8 * 160 * 120 + 14_656);
+/// assert_eq!(4 * PARAMS.memory_words(), 8 * 160 * 120 + 15_232);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

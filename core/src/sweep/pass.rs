@@ -1,7 +1,5 @@
 //! One pass over a frame: hypotheses, equations and measurements, line by line.
 
-use core::array::from_fn;
-
 use super::{
     belief::{Belief, Beliefs, Grays, Posterior, blend, block_steepness, edge_steepness, likeness, limits},
     lines::{HAS_VECTORS, INVISIBLE, LANES, PAD, SweepLines},
@@ -168,19 +166,16 @@ impl Block<'_> {
             return believed;
         }
         let weights = self.weights(u);
-        let mut best = believed;
-        let mut least = match self.cost(u, believed, &weights, u32::MAX) {
+        let least = match self.cost(u, believed, &weights, u32::MAX) {
             Some(cost) => cost.mean().saturating_sub((scales.noise * 26) >> 8),
             None => u32::MAX,
         };
-        let mut consider = |disparity: i32| {
-            if let Some(cost) = self.cost(u, disparity, &weights, least).filter(|cost| cost.is_below(least)) {
-                (best, least) = (disparity, cost.mean());
-            }
-        };
-        others.into_iter().flatten().for_each(&mut consider);
+        let mut best = (believed, least);
+        for disparity in others.into_iter().flatten() {
+            self.consider(u, disparity, &weights, &mut best);
+        }
         if !searches {
-            return best;
+            return best.0;
         }
         let [least_disparity, greatest] = scales.limits;
         // The whole range, at most.
@@ -191,7 +186,7 @@ impl Block<'_> {
             for aside in [aside, -aside] {
                 let disparity = i64::from(believed) + aside;
                 if i64::from(least_disparity) <= disparity && disparity <= i64::from(greatest) {
-                    consider(disparity as i32);
+                    self.consider(u, disparity as i32, &weights, &mut best);
                 }
             }
             // Two standard deviations.
@@ -200,7 +195,15 @@ impl Block<'_> {
             }
             distance += 1;
         }
-        best
+        best.0
+    }
+
+    /// Takes a disparity if it costs less than the `best` one, of which both are.
+    #[inline(always)]
+    fn consider(&self, u: usize, disparity: i32, weights: &Weights, best: &mut (i32, u32)) {
+        if let Some(cost) = self.cost(u, disparity, weights, best.1).filter(|cost| cost.is_below(best.1)) {
+            *best = (disparity, cost.mean());
+        }
     }
 
     /// The weights of the block around column `u`.
@@ -215,8 +218,8 @@ impl Block<'_> {
             let Some(centers) = chunk::<CHUNK>(row.center, PAD + u - self.radius) else { continue };
             let weight = |k: usize| likeness(gray, centers[k], steepness) as i16 & columns[k];
             if HAS_VECTORS {
-                *out = from_fn(weight);
-                sums = from_fn(|k| sums[k] + out[k]);
+                *out = lanes(weight);
+                sums = lanes(|k| sums[k] + out[k]);
             } else {
                 for (k, (out, sum)) in out.iter_mut().zip(&mut sums).enumerate().take(2 * self.radius + 1) {
                     *out = weight(k);
@@ -250,9 +253,9 @@ impl Block<'_> {
             let centers: &[u8; CHUNK] = chunk(row.center, PAD + u - self.radius)?;
             let views: &[u8; CHUNK + 1] = chunk(row.view, PAD + middle.column - self.radius)?;
             if HAS_VECTORS {
-                let weights: [i16; CHUNK] = from_fn(|k| weights[k] & columns[k]);
-                sums = from_fn(|k| sums[k] + square(residual([centers[k], views[k], views[k + 1]]), weights[k]));
-                counts = from_fn(|k| counts[k] + weights[k]);
+                let weights: [i16; CHUNK] = lanes(|k| weights[k] & columns[k]);
+                sums = lanes(|k| sums[k] + square(residual([centers[k], views[k], views[k + 1]]), weights[k]));
+                counts = lanes(|k| counts[k] + weights[k]);
                 continue;
             }
             let weights = weights.get(first..end)?;
@@ -287,7 +290,7 @@ fn mask(first: usize, end: usize) -> [i16; CHUNK] {
         MASKS.get(start..).and_then(<[i16]>::first_chunk).unwrap_or(&[0; CHUNK])
     };
     let (before, within) = (of_first(first), of_first(end));
-    from_fn(|k| within[k] & !before[k])
+    lanes(|k| within[k] & !before[k])
 }
 
 const MASKS: [i16; 2 * CHUNK] = {
@@ -431,37 +434,41 @@ fn block_sums(
     let mut sums = BlockSums::default();
     let own_grays = middle.grays.get(first..)?.first_chunk::<LANES>()?;
     let own_shifts = middle.shifts.get(first..)?.first_chunk::<LANES>()?;
-    // So that there are as many windows as columns of a block.
-    let columns = first..first + 2 * radius + LANES;
     for (row, start) in rows {
+        // So that there are as many windows as columns of a block, without the first where it does not count.
+        let columns = first + start..first + 2 * radius + LANES;
         let grays = row.grays.get(columns.clone())?.windows(LANES).zip(row.shifts.get(columns.clone())?.windows(LANES));
-        let equations =
-            row.residuals.get(columns.clone())?.windows(LANES).zip(row.gradients.get(columns.clone())?.windows(LANES));
-        for ((grays, shifts), (residuals, gradients)) in grays.zip(equations).skip(*start).step_by(2) {
+        let equations = row.residuals.get(columns.clone())?.windows(LANES).zip(row.gradients.get(columns)?.windows(LANES));
+        let mut counts = false;
+        for ((grays, shifts), (residuals, gradients)) in grays.zip(equations) {
+            counts = !counts;
+            if !counts {
+                continue;
+            }
             let (grays, shifts) = (grays.first_chunk::<LANES>()?, shifts.first_chunk::<LANES>()?);
             let (residuals, gradients) = (residuals.first_chunk::<LANES>()?, gradients.first_chunk::<LANES>()?);
             // Padding is invisible, and may have any shift.
-            let apart: [i32; LANES] = from_fn(|k| own_shifts[k].wrapping_sub(shifts[k]));
-            let near: [i32; LANES] = from_fn(|k| {
+            let apart: [i32; LANES] = lanes(|k| own_shifts[k].wrapping_sub(shifts[k]));
+            let near: [i32; LANES] = lanes(|k| {
                 let is_near = apart[k].wrapping_add(LINEAR) as u32 <= 2 * LINEAR as u32;
                 -i32::from(is_near & (residuals[k] != INVISIBLE))
             });
             if !HAS_VECTORS && near == [0; LANES] {
                 continue;
             }
-            let weights: [i32; LANES] = from_fn(|k| likeness(own_grays[k], grays[k], steepness) as i32 & near[k]);
-            let gradients: [i32; LANES] = from_fn(|k| i32::from(gradients[k]));
+            let weights: [i32; LANES] = lanes(|k| likeness(own_grays[k], grays[k], steepness) as i32 & near[k]);
+            let gradients: [i32; LANES] = lanes(|k| i32::from(gradients[k]));
             // At the disparity of the middle, in 16 bits, whose products are in 32.
-            let residuals: [i32; LANES] = from_fn(|k| {
+            let residuals: [i32; LANES] = lanes(|k| {
                 let moved = (gradients[k] * i32::from((apart[k] & near[k]) as i16)) >> 9;
                 i32::from(((i32::from(residuals[k]) & near[k]) + moved) as i16)
             });
-            let of_gradient: [i32; LANES] = from_fn(|k| i32::from((weights[k] * gradients[k]) as i16));
-            let of_residual: [i32; LANES] = from_fn(|k| i32::from((weights[k] * residuals[k]) as i16));
-            sums.pull = from_fn(|k| sums.pull[k].wrapping_add(of_gradient[k] * residuals[k]));
-            sums.square = from_fn(|k| sums.square[k].wrapping_add(of_gradient[k] * gradients[k]));
-            sums.energy = from_fn(|k| sums.energy[k].wrapping_add(of_residual[k] * residuals[k]));
-            sums.weight = from_fn(|k| sums.weight[k] + weights[k]);
+            let of_gradient: [i32; LANES] = lanes(|k| i32::from((weights[k] * gradients[k]) as i16));
+            let of_residual: [i32; LANES] = lanes(|k| i32::from((weights[k] * residuals[k]) as i16));
+            sums.pull = lanes(|k| sums.pull[k].wrapping_add(of_gradient[k] * residuals[k]));
+            sums.square = lanes(|k| sums.square[k].wrapping_add(of_gradient[k] * gradients[k]));
+            sums.energy = lanes(|k| sums.energy[k].wrapping_add(of_residual[k] * residuals[k]));
+            sums.weight = lanes(|k| sums.weight[k] + weights[k]);
         }
     }
     Some(sums)
@@ -531,4 +538,14 @@ fn information(textured: u32, noise: u32, weight: u32, scales: &Scales) -> u32 {
     let of_weight = (u64::from(ratio) * u64::from(weight) * scales.share) >> 16;
     let information = (of_weight.min(u32::MAX.into()) * scales.square) >> 22;
     information.min(SweepPixel::MAX_INFORMATION.into()) as u32
+}
+
+/// The values of `f` for each lane. Unlike that of the standard library, it is always inlined into functions that have vectors.
+#[inline(always)]
+fn lanes<T: Copy + Default, const N: usize>(f: impl Fn(usize) -> T) -> [T; N] {
+    let mut lanes = [T::default(); N];
+    for (k, lane) in lanes.iter_mut().enumerate() {
+        *lane = f(k);
+    }
+    lanes
 }

@@ -11,6 +11,7 @@ pub mod profiles;
 pub mod readme;
 pub mod rectifying;
 pub mod sweeping;
+mod traced_cost;
 
 use anyhow::{Context, Result, bail, ensure};
 use multiscopic_core::{BlockMatchingParams, Disparity, Frame, Fusion, View};

@@ -18,7 +18,7 @@ use crate::{
         counter::Counter,
         emulated_board::EmulatedBoard,
     },
-    firmware_checks::cycles::{self, Cost},
+    firmware_checks::traced_cost::{self, Cost},
     system,
     tools::Toolchain,
 };
@@ -124,12 +124,12 @@ pub fn run(toolchain: &Toolchain, boards: &[&EmulatedBoard], update: bool) -> Re
             fs::write(folder.join(FrameFile::new(*frame).name().to_str()?), pixels)?;
         }
         let name = format!("{NAME} on {}", board.name);
-        let functions = cycles::traced(board, &image, &folder, &counter).with_context(|| format!("edge: {name}"))?;
+        let functions = traced_cost::traced(board, &image, &folder, &counter).with_context(|| format!("edge: {name}"))?;
         let stack = same_lines(&fs::read(folder.join(frame_file::PACKETS.to_str()?))?, &expected).context(name.clone())?;
         let total: Cost = functions.values().copied().sum();
         let frames = (pictures.len() - 1) as f64;
         let pixels = frames * (PARAMS.search().width() * PARAMS.search().height()) as f64;
-        cycles::print(&name, total, &functions, pixels, "pixel of each frame");
+        traced_cost::print(&name, total, &functions, pixels, "pixel of each frame");
         let statics = Footprint::of(&image)?.ram() as usize;
         println!(
             "edge: {name}: identical to this machine; {:.1} million cycles a frame; RAM {statics} + {stack} bytes",

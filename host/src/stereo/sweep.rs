@@ -232,7 +232,7 @@ mod tests {
         };
         // A hundredth of a baseline moves matches by a third of a pixel, half of it on either side.
         assert_eq!(chosen(&[-1.0, 0.96, -0.9, 0.905, 0.5]), Some(90.0));
-        assert_eq!(chosen(&[-1.0, 0.99]), Some(100.0));
+        assert_eq!(chosen(&[-1.0, 0.99]), Some(99.0));
         assert_eq!(chosen(&[-1.0, 0.96]), None);
         assert_eq!(chosen(&[-0.5, 0.5]), None);
         assert_eq!(chosen(&[0.8, 1.0]), None);

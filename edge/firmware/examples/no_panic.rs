@@ -11,8 +11,8 @@ mod image {
     use multiscopic_core::network::{NetworkMatcher, NetworkParams};
     use multiscopic_core::{
         BlockMatchingParams, Census, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Rectification, Rectified,
-        Region, Rewind, ScanlineSource, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
-        kernel::Native,
+        Region, Rewind, ScanlineSource, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, SweepFilter,
+        SweepOffset, SweepParams, View, Views, kernel::Native,
     };
     use static_cell::ConstStaticCell;
 
@@ -87,7 +87,23 @@ mod image {
                 black_box(&mut *line);
             }
         }
+        sweep(&params, memory, line)?;
         network(&params, memory)
+    }
+
+    /// The filter over the frames of a sweep.
+    fn sweep(params: &BlockMatchingParams, memory: &mut [u32], line: &mut [Option<Disparity>]) -> Option<()> {
+        let params = SweepParams::new(*params.search(), black_box(64), black_box(2)).ok()?;
+        let mut filter = SweepFilter::new(&params, memory).ok()?;
+        for bits in black_box([256, -256]) {
+            black_box(filter.refine(SweepOffset::from_bits(bits)?, &mut Opaque, &mut Opaque).ok()?);
+        }
+        let line = line.get_mut(..params.search().width())?;
+        let (mut reader, mut evidence) = (filter.reader(), [0; 64]);
+        while reader.next_line_and_evidence(&mut Opaque, line, &mut evidence).ok()?.is_some() {
+            black_box((&mut *line, &evidence));
+        }
+        Some(())
     }
 
     /// The network. With loops over eight views, a Cortex-M55 has no flash for it besides.

@@ -157,7 +157,7 @@ impl<'m> Beliefs<'m> {
 
 /// The message of a pixel itself.
 #[inline(always)]
-fn own(pixel: SweepPixel) -> Belief {
+pub fn own(pixel: SweepPixel) -> Belief {
     Belief { disparity: pixel.disparity_q12, information: pixel.information_q14 }
 }
 

@@ -7,8 +7,7 @@
 //! | `belief` | what the neighbours of a pixel say about it: messages along lines and down columns |
 //! | `lines` | the lines under a block |
 //! | `memory` | the words that a filter needs |
-//! | `report` | [`SweepReport`]: what a frame did |
-//! | `pass` | one pass over a frame |
+//! | `pass` | one pass over a frame, and its [`SweepReport`] |
 
 mod belief;
 mod lines;
@@ -16,7 +15,6 @@ mod memory;
 mod params;
 mod pass;
 mod pixel;
-mod report;
 
 use self::{
     belief::{Beliefs, Grays},
@@ -29,8 +27,8 @@ use crate::{
 };
 
 pub use params::{SweepOffset, SweepParams, SweepParamsError};
+pub use pass::SweepReport;
 pub use pixel::SweepPixel;
-pub use report::SweepReport;
 
 /// A depth filter for a camera that slides along the rows of its picture and never stops: each frame, at any known offset from
 /// the centre, refines the disparities of the centre frame, and is forgotten.
@@ -49,12 +47,13 @@ pub use report::SweepReport;
 /// - **Belief.** Messages go along each line from both ends, and down the columns. A message takes up the state of each pixel it
 ///   meets, weighed by information, and keeps little of its own across an edge of the picture. The belief in a pixel is the
 ///   mean of its state, of the three messages and of the middle of the range.
-/// - **Hypotheses.** If a message or the state differs from the belief by a quarter of a pixel, also in this frame, the one whose
-///   block fits the frame best, by every second of its lines, is believed in. A pixel without measurements also tries whole pixels
-///   around its belief, up to two standard deviations. The state of a pixel that changes is nearly without information.
-/// - **Measurement.** The pixels of a block, every second as on a chessboard, count by their likeness to its middle, and if the frame sees them within half a
-///   pixel of it. Steps are at most a pixel of the frame. The texture that noise has is taken off before the information
-///   is computed.
+/// - **Hypotheses.** If a message or the state differs from the belief by a quarter of a pixel, also in this frame, the one
+///   whose block fits the frame best, by every second of its lines, is believed in. A pixel without measurements also tries
+///   whole pixels around its belief, up to two standard deviations. The state of a pixel that changes is nearly without
+///   information.
+/// - **Measurement.** The pixels of a block, every second as on a chessboard, count by their likeness to its middle, and if
+///   the frame sees them within half a pixel of it. Steps are at most a pixel of the frame. The texture that noise has is
+///   taken off before the information is computed.
 /// - **Sides.** If the rest of the block's difference is more than half again that of noise, the frame disagrees, as it does
 ///   behind something nearer: nothing is measured, and the disagreement is counted. A pixel that three frames of each side
 ///   disagree with, and more than agree, forgets its state.
@@ -173,12 +172,10 @@ impl<'m, I: Isa> SweepFilter<'m, I> {
         };
         let mut next = 0;
         for y in 0..height + radius {
-            if y < height {
-                while next <= (y + radius).min(height - 1) {
-                    center.read_line(Frame::Center, next, pixels(pass.lines.center.row_mut(next), width))?;
-                    frame.read_line(Frame::Center, next, pixels(pass.lines.view.row_mut(next), width))?;
-                    next += 1;
-                }
+            while next < height && next <= y + radius {
+                center.read_line(Frame::Center, next, pixels(pass.lines.center.row_mut(next), width))?;
+                frame.read_line(Frame::Center, next, pixels(pass.lines.view.row_mut(next), width))?;
+                next += 1;
             }
             self.isa.compiled(PassLine { pass: &mut pass, y, state: self.state });
         }

@@ -1,11 +1,10 @@
 //! One pass over a frame: hypotheses, equations and measurements, line by line.
 
 use super::{
-    belief::{Belief, Beliefs, Grays, Posterior, blend, block_steepness, edge_steepness, likeness, limits},
+    belief::{Belief, Beliefs, Grays, Posterior, blend, block_steepness, edge_steepness, likeness, limits, own},
     lines::{HAS_VECTORS, INVISIBLE, LANES, PAD, SweepLines},
     params::{SweepOffset, SweepParams},
     pixel::SweepPixel,
-    report::SweepReport,
 };
 
 /// A pixel of the frame, in the steps of shifts.
@@ -16,6 +15,18 @@ const LINEAR: i32 = PIXEL / 2;
 const GREATEST_STEP: u32 = 256;
 /// The likeness of a pixel to itself.
 const FULL: u32 = 16;
+
+/// The pixels of a frame, by what it did to them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SweepReport {
+    /// Pixels that the frame agreed with, which it refined.
+    pub refined: u32,
+    /// Pixels that it disagreed with.
+    pub hidden: u32,
+    /// Changes of hypothesis, of pixels that had been measured before.
+    pub changed: u32,
+}
 
 /// The state of a pass.
 #[derive(Debug)]
@@ -156,8 +167,7 @@ impl Block<'_> {
         let at = scales.shift(believed);
         let is_apart = |disparity: i32| (scales.shift(disparity) - at).abs() >= PIXEL / 4 && (disparity - believed).abs() >= 1024;
         let [left, right, above] = posterior.messages;
-        let own = Belief { disparity: pixel.disparity_q12, information: pixel.information_q14 };
-        let others = [left, right, above, own]
+        let others = [left, right, above, own(pixel)]
             .map(|Belief { disparity, information }| (information > 0 && is_apart(disparity)).then_some(disparity));
         // In the unit of the information: how much a frame says that is as sure as a pixel.
         let (square, information) = (scales.square >> 10, u64::from(posterior.belief.information));
@@ -505,6 +515,7 @@ fn update(pixel: &mut SweepPixel, believed: i32, sums: &BlockSums, lane: usize, 
     pixel.disparity_q12 = blend(pixel.disparity_q12, measured, information, sum);
     pixel.information_q14 = sum.min(SweepPixel::MAX_INFORMATION);
 }
+
 /// The sums over the blocks of some pixels, each pixel weighed by its likeness to the middle.
 #[derive(Default)]
 struct BlockSums {

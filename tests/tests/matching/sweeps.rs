@@ -113,7 +113,7 @@ fn state(pixel: SweepPixel) -> State {
     }
 }
 
-/// What the reference has after a frame: the states, the counts and what is read.
+/// The reference after a frame: its states, its counts and the lines that are read.
 struct Expected {
     states: Vec<State>,
     report: SweepReport,

@@ -12,6 +12,7 @@ mod noise;
 mod picture;
 mod transform;
 
+use multiscopic_core::Disparity;
 pub use multiscopic_engine::{DisparityMap, FloatImage, Raster};
 
 pub use color_scale::{ColorScale, Colormap, turbo};
@@ -25,3 +26,8 @@ pub(crate) use interpolated::{InterpolatedImage, extended_pixel};
 pub use noise::noise;
 pub use picture::{BitDepth, ImageRegion, Picture};
 pub use transform::Transform;
+
+/// The disparity that is nearest to a number of pixels, halves away from zero: the greatest above all that there are, `None` below.
+pub(crate) fn nearest_disparity(pixels: f32) -> Option<Disparity> {
+    Disparity::from_bits((pixels * Disparity::STEPS as f32).round() as i16)
+}

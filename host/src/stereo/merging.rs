@@ -1,9 +1,9 @@
 //! The merging of disparities that were found at several baselines, each in its own pixels, and of the evidence for them.
 
-use multiscopic_core::{Disparity, SearchSpace};
+use multiscopic_core::SearchSpace;
 
 use super::{confidence_map, deviation::DeviationModel};
-use crate::images::{DisparityMap, Raster};
+use crate::images::{DisparityMap, Raster, nearest_disparity};
 
 /// The evidence for disparities.
 pub(super) struct Evidence {
@@ -65,7 +65,7 @@ pub(super) fn merge(
                 (disparity, if all > 0.0 { alone / all } else { 0.5 }, precise)
             }
         };
-        *disparity = Disparity::from_bits((merged * Disparity::STEPS as f32).round() as i16);
+        *disparity = nearest_disparity(merged);
         *sure = confidence_map::of_probability(probability);
         *baseline = precise;
     }

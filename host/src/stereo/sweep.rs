@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     error,
-    images::{DisparityMap, Frames, Picture, Raster},
+    images::{DisparityMap, Frames, Picture, Raster, nearest_disparity},
     progress::Progress,
 };
 
@@ -151,7 +151,7 @@ pub fn dense_sweep(
         confirm((map, sure), (&disparities, &confidences), offset);
     })?;
     for disparity in estimate.disparities.pixels_mut() {
-        *disparity = disparity.and_then(|d| of_pixels(f32::from(d) / offset));
+        *disparity = disparity.and_then(|d| nearest_disparity(f32::from(d) / offset));
     }
     Ok(estimate)
 }
@@ -170,11 +170,6 @@ fn pair<'a>(params: &SweepParams, swept: &[(SweepOffset, &'a GrayImage)]) -> Opt
     Some(([left.1, right.1], (right.0 - left.0) / 2.0))
 }
 
-/// A disparity in pixels, if it is in range.
-fn of_pixels(d: f32) -> Option<Disparity> {
-    Disparity::from_bits((d * Disparity::STEPS as f32).round() as i16)
-}
-
 /// Confirms disparities of a method at an offset, in unit baselines, by those of the filter.
 fn confirm(
     (map, confidences): (&mut DisparityMap, &mut ConfidenceMap),
@@ -190,7 +185,7 @@ fn confirm(
         let [p, q] = [*sure, *other_sure].map(|sure| f64::from(sure) / 255.0);
         let [own, weight] = [p, q].map(|p| p.powi(4) as f32);
         let mean = if own + weight > 0.0 { (own * d + weight * other) / (own + weight) } else { d };
-        *disparity = of_pixels(mean);
+        *disparity = nearest_disparity(mean);
         // Both err in the same places: the filter counts as half a witness.
         *sure = confidence_map::of_probability(1.0 - (1.0 - p) * (1.0 - q).sqrt());
     }
@@ -240,7 +235,7 @@ mod tests {
 
     #[test]
     fn what_the_filter_confirms_is_surer() {
-        let map = |d: [f32; 3]| DisparityMap::new(3, 1, d.map(of_pixels).to_vec());
+        let map = |d: [f32; 3]| DisparityMap::new(3, 1, d.map(nearest_disparity).to_vec());
         let (mut disparities, mut sure) = (map([4.0, 4.0, 4.0]), ConfidenceMap::new(3, 1, vec![200; 3]));
         // At half the baseline: 4.25, 8 and nothing sure.
         let (filtered, confirmed) = (map([8.5, 16.0, 8.0]), ConfidenceMap::new(3, 1, vec![200, 250, 0]));

@@ -2,10 +2,10 @@
 
 use std::{iter, ops::RangeInclusive};
 
-use multiscopic_core::{Disparity, Frame, View, Views};
+use multiscopic_core::{Frame, View, Views};
 use rayon::prelude::*;
 
-use crate::images::{DisparityMap, Frames, InterpolatedImage, Raster};
+use crate::images::{DisparityMap, Frames, InterpolatedImage, Raster, nearest_disparity};
 
 /// The number of iterations, each of which moves the disparities.
 const ITERATIONS: usize = 3;
@@ -78,7 +78,7 @@ impl LucasKanade {
             }
             // What is outside the range already may stay where it is.
             let d = d.clamp(start - limit, start + limit).clamp(least.min(start), most.max(start));
-            Disparity::from_bits((d * Disparity::STEPS as f32).round() as i16)
+            nearest_disparity(d)
         });
         DisparityMap::new(map.width(), map.height(), pixels.collect())
     }

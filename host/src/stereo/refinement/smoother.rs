@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    images::{DisparityMap, Picture, Raster},
+    images::{DisparityMap, Picture, Raster, nearest_disparity},
     stereo::Simd,
 };
 
@@ -161,7 +161,7 @@ impl Smoother {
                 let is_kept = d.is_some_and(|d| (u - f32::from(d)).abs() <= 1.0);
                 let support = if self.squares { support.sqrt() } else { *support };
                 *confidence = ((255.0 * support + 0.5) as u8).min(if is_kept { 255 } else { Smoother::MOST_REPLACED });
-                *d = Disparity::from_bits((u * Disparity::STEPS as f32).round() as i16);
+                *d = nearest_disparity(*u);
             }
         }
         (smooth, confidences)

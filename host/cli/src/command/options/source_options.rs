@@ -85,7 +85,7 @@ pub struct LoadedSweep {
     pub frames: Frames,
     /// The centre as the picture in its file, with its colours and its distortion.
     pub center: Picture,
-    /// What undistorted them.
+    /// The undistortion that they went through.
     pub undistortion: Option<Undistortion>,
     /// All frames but the centre in grey, from the centre outwards, and their places.
     pub placed: Vec<(SweepOffset, GrayImage)>,

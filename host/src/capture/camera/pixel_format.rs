@@ -129,19 +129,32 @@ impl PixelFormat {
         *self.encoding().fourcc
     }
 
+    /// Its four-character code in V4L2 where each plane has memory of its own. `None` if it has one plane.
+    pub fn fourcc_of_planes(self) -> Option<[u8; 4]> {
+        match self {
+            PixelFormat::Nv12 => Some(*b"NM12"),
+            PixelFormat::Nv21 => Some(*b"NM21"),
+            PixelFormat::Yu12 => Some(*b"YM12"),
+            PixelFormat::Yv12 => Some(*b"YM21"),
+            _ => None,
+        }
+    }
+
     /// Its name: the four-character code without padding.
     pub fn name(self) -> &'static str {
         str::from_utf8(self.encoding().fourcc.trim_ascii_end()).unwrap_or_default()
     }
 
-    /// The format with this name, in any case. `None` if there is none.
+    /// The format with this name, or that of its planes with memory of their own, in any case. `None` if there is none.
     pub fn named(name: &str) -> Option<PixelFormat> {
-        Self::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name))
+        let has = |code: &[u8]| code.eq_ignore_ascii_case(name.as_bytes());
+        let is_named = |format: &Self| has(format.name().as_bytes()) || format.fourcc_of_planes().is_some_and(|code| has(&code));
+        Self::ALL.into_iter().find(is_named)
     }
 
-    /// The format with this four-character code.
+    /// The format with this four-character code, in one piece or with memory for each plane.
     pub fn of_fourcc(fourcc: [u8; 4]) -> Option<PixelFormat> {
-        Self::ALL.into_iter().find(|format| format.fourcc() == fourcc)
+        Self::ALL.into_iter().find(|format| format.fourcc() == fourcc || format.fourcc_of_planes() == Some(fourcc))
     }
 
     /// All names, for messages.
@@ -167,6 +180,10 @@ mod tests {
             assert_eq!(PixelFormat::named(&format.name().to_lowercase()), Some(format));
             assert_eq!(PixelFormat::of_fourcc(fourcc), Some(format));
             assert_eq!(serde_json::to_value(format).unwrap(), format.name());
+            if let Some(fourcc) = format.fourcc_of_planes() {
+                assert_eq!(PixelFormat::named(str::from_utf8(&fourcc).unwrap()), Some(format));
+                assert_eq!(PixelFormat::of_fourcc(fourcc), Some(format));
+            }
         }
         assert_eq!((PixelFormat::named("BA81"), PixelFormat::of_fourcc(*b"Y10B")), (None, None));
     }

@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use v4l::{Device, capability::Flags};
+use v4l::{Device, buffer::Type, capability::Flags};
 
 use super::ioctl::{self, Capabilities};
 use crate::capture::camera::{PixelFormat, pixel_format::Chroma};
@@ -27,17 +27,14 @@ pub(super) fn open(path: &Path) -> Result<(Device, Capabilities), CameraFault> {
     Ok((device, capabilities))
 }
 
-/// Fails unless the device is a camera that can be used here.
-pub(super) fn check(capabilities: &Capabilities) -> Result<(), CameraFault> {
+/// The kind of a camera's buffers: in one piece, or, as of the camera ports of many boards, with memory for each plane. Fails
+/// unless the device is a camera that can be used here.
+pub(super) fn buffers(capabilities: &Capabilities) -> Result<Type, CameraFault> {
     let has = |flags: Flags| capabilities.flags.contains(flags);
-    if has(Flags::VIDEO_CAPTURE | Flags::STREAMING) {
-        return Ok(());
-    }
-    if has(Flags::VIDEO_CAPTURE_MPLANE) {
-        return Err(CameraFault::MultiPlanar);
-    }
     let found = match () {
-        () if has(Flags::VIDEO_CAPTURE) => "a camera that cannot stream",
+        () if has(Flags::VIDEO_CAPTURE | Flags::STREAMING) => return Ok(Type::VideoCapture),
+        () if has(Flags::VIDEO_CAPTURE_MPLANE | Flags::STREAMING) => return Ok(Type::VideoCaptureMplane),
+        () if has(Flags::VIDEO_CAPTURE) || has(Flags::VIDEO_CAPTURE_MPLANE) => "a camera that cannot stream",
         () if has(Flags::VIDEO_OUTPUT) => "an output (a loopback device that nothing feeds is one)",
         () if has(Flags::VIDEO_M2M) || has(Flags::VIDEO_M2M_MPLANE) => "a codec",
         () if has(Flags::META_CAPTURE) => "a camera's metadata device",
@@ -80,12 +77,6 @@ pub enum CameraFault {
         /// The device that was found.
         found: String,
     },
-    /// The device has only the multi-planar interface.
-    #[error(
-        "found a device with the multi-planar interface only, like many camera ports of boards; this is not supported: use libcamera or \
-         GStreamer by `--camera exec:` and camera_rpicam.sh or camera_gstreamer.sh"
-    )]
-    MultiPlanar,
     /// The device is in use.
     #[error("the device is in use; close the program that uses it (`fuser -v` names it)")]
     Busy,

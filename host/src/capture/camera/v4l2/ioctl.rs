@@ -1,5 +1,5 @@
-//! Questions to a driver whose answers make crate `v4l` panic: names that are cut within a character, and colour spaces of newer
-//! kernels.
+//! Questions to a driver: those whose answers make crate `v4l` panic, which are names that are cut within a character and colour
+//! spaces of newer kernels, and those for frames with several planes, which it does not ask.
 
 #![expect(unsafe_code, reason = "drivers fill in structures of C")]
 
@@ -24,14 +24,16 @@ pub struct Capabilities {
     pub flags: Flags,
 }
 
+/// The most planes that a buffer has.
+pub const MAX_PLANES: usize = 8;
+
 /// The format of a device's frames.
-#[derive(Clone, Copy)]
 pub struct Format {
     /// Width and height in pixels.
     pub size: [u32; 2],
     pub fourcc: [u8; 4],
-    /// Bytes from the start of a row to the start of the next.
-    pub stride: u32,
+    /// Bytes from the start of a row to the start of the next, in each plane that has memory of its own.
+    pub strides: Vec<u32>,
     pub is_interlaced: bool,
 }
 
@@ -43,12 +45,12 @@ pub fn capabilities(device: &Device) -> io::Result<Capabilities> {
     Ok(Capabilities { driver: text(&found.driver), card: text(&found.card), bus: text(&found.bus_info), flags })
 }
 
-/// The four-character codes of the device's formats, and the driver's descriptions of them.
-pub fn formats(device: &Device) -> Vec<([u8; 4], String)> {
+/// The four-character codes of the formats of this kind of buffers, and the driver's descriptions of them.
+pub fn formats(device: &Device, kind: Type) -> Vec<([u8; 4], String)> {
     let format = |index| {
         // SAFETY: the call fills in this structure, for which zeros are valid.
         let found = unsafe {
-            let asked = v4l2_fmtdesc { index, type_: Type::VideoCapture as u32, ..mem::zeroed() };
+            let asked = v4l2_fmtdesc { index, type_: kind as u32, ..mem::zeroed() };
             call(device, vidioc::VIDIOC_ENUM_FMT, asked)
         };
         found.ok().map(|found| (found.pixelformat.to_le_bytes(), text(&found.description)))
@@ -56,23 +58,24 @@ pub fn formats(device: &Device) -> Vec<([u8; 4], String)> {
     (0..MAX_FORMATS).map_while(format).collect()
 }
 
-pub fn format(device: &Device) -> io::Result<Format> {
+pub fn format(device: &Device, kind: Type) -> io::Result<Format> {
     // SAFETY: the call fills in this structure, for which zeros are valid.
     unsafe {
-        let asked = v4l2_format { type_: Type::VideoCapture as u32, ..mem::zeroed() };
-        call(device, vidioc::VIDIOC_G_FMT, asked).map(|found| Format::of(&found))
+        let asked = v4l2_format { type_: kind as u32, ..mem::zeroed() };
+        call(device, vidioc::VIDIOC_G_FMT, asked).map(|found| Format::of(&found, kind))
     }
 }
 
 /// Asks for a format, and returns the one that the driver has chosen.
-pub fn set_format(device: &Device, wanted: &Format) -> io::Result<Format> {
+pub fn set_format(device: &Device, kind: Type, [width, height]: [u32; 2], fourcc: [u8; 4]) -> io::Result<Format> {
     // SAFETY: the call takes and fills in this structure, for which zeros are valid.
     unsafe {
-        let mut asked = v4l2_format { type_: Type::VideoCapture as u32, ..mem::zeroed() };
-        [asked.fmt.pix.width, asked.fmt.pix.height] = wanted.size;
-        asked.fmt.pix.pixelformat = u32::from_le_bytes(wanted.fourcc);
-        asked.fmt.pix.field = Format::PROGRESSIVE;
-        call(device, vidioc::VIDIOC_S_FMT, asked).map(|found| Format::of(&found))
+        let mut asked = v4l2_format { type_: kind as u32, ..mem::zeroed() };
+        // The format of several planes begins with the same four fields.
+        let wanted = &mut asked.fmt.pix;
+        (wanted.width, wanted.height) = (width, height);
+        (wanted.pixelformat, wanted.field) = (u32::from_le_bytes(fourcc), Format::PROGRESSIVE);
+        call(device, vidioc::VIDIOC_S_FMT, asked).map(|found| Format::of(&found, kind))
     }
 }
 
@@ -82,14 +85,24 @@ impl Format {
     const PROGRESSIVE: u32 = 1;
 
     /// # Safety
-    /// The format must be one of single-planar frames.
-    unsafe fn of(format: &v4l2_format) -> Format {
-        // SAFETY: the caller says so.
-        let pix = unsafe { format.fmt.pix };
+    /// The format must be one of this kind of buffers.
+    unsafe fn of(format: &v4l2_format, kind: Type) -> Format {
+        // SAFETY: the caller says so. The format of several planes begins with the same four fields.
+        let (pix, strides) = unsafe {
+            let (pix, several) = (format.fmt.pix, format.fmt.pix_mp);
+            let planes = several.plane_fmt;
+            let strides = match kind {
+                Type::VideoCaptureMplane => {
+                    planes.iter().take(several.num_planes.into()).map(|plane| plane.bytesperline).collect()
+                }
+                _ => vec![pix.bytesperline],
+            };
+            (pix, strides)
+        };
         Format {
             size: [pix.width, pix.height],
             fourcc: pix.pixelformat.to_le_bytes(),
-            stride: pix.bytesperline,
+            strides,
             is_interlaced: ![Format::UNSAID, Format::PROGRESSIVE].contains(&pix.field),
         }
     }
@@ -116,7 +129,7 @@ fn access(device: &Device, number: vidioc::_IOC_TYPE, id: u32, value: i32) -> io
 
 /// # Safety
 /// The call of this number must take such an argument.
-unsafe fn call<T>(device: &Device, number: vidioc::_IOC_TYPE, mut argument: T) -> io::Result<T> {
+pub unsafe fn call<T>(device: &Device, number: vidioc::_IOC_TYPE, mut argument: T) -> io::Result<T> {
     // SAFETY: the caller says so.
     unsafe { v4l2::ioctl(device.handle().fd(), number, (&raw mut argument).cast())? };
     Ok(argument)

@@ -1,5 +1,6 @@
 //! Cameras of Linux, through Video4Linux 2: opening them, and listing those of this machine.
 
+mod buffers;
 mod driver;
 mod ioctl;
 mod locked_controls;
@@ -12,7 +13,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use v4l::{Device, FourCC, framesize::FrameSizeEnum, video::Capture};
+use v4l::{Device, FourCC, buffer::Type, framesize::FrameSizeEnum, video::Capture};
 
 use super::{CameraInfo, CameraSettings, FormatInfo, FrameSizes, PixelFormat, picture_mean::PictureMean};
 use crate::{
@@ -23,7 +24,6 @@ use crate::{
     images::Picture,
 };
 
-use ioctl::Format;
 use locked_controls::LockedControls;
 use stream::{Stream, Wait, WaitError};
 
@@ -68,16 +68,16 @@ impl V4l2Camera {
     /// # Errors
     /// No frame arrived in time, a frame was damaged, the device is gone, or the call was cancelled.
     pub fn frame(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, CameraError> {
-        self.frame_of(Wait { start: Instant::now(), timeout, is_cancelled }, false)
+        self.arrival(Wait { start: Instant::now(), timeout, is_cancelled }, false).map(|arrival| arrival.picture)
     }
 
     /// A frame, or the next one of a camera that runs free, whenever it was exposed.
-    fn frame_of(&mut self, wait: Wait<'_>, is_next: bool) -> Result<Picture, CameraError> {
+    fn arrival(&mut self, wait: Wait<'_>, is_next: bool) -> Result<Arrival, CameraError> {
         let taken = self.try_frame(wait, is_next);
         taken.map_err(|fault| CameraError { device: self.path.clone(), fault })
     }
 
-    fn try_frame(&mut self, wait: Wait<'_>, is_next: bool) -> Result<Picture, CameraFault> {
+    fn try_frame(&mut self, wait: Wait<'_>, is_next: bool) -> Result<Arrival, CameraFault> {
         let mut connection = match self.connection.take() {
             Some(connection) => connection,
             None => Connection::open(&self.path, Some(self.layout.format), Some(self.layout.size))?,
@@ -119,8 +119,7 @@ impl BlockingCamera for V4l2Camera {
     }
 
     fn next(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Arrival, CameraError> {
-        let picture = self.frame_of(Wait { start: Instant::now(), timeout, is_cancelled }, true)?;
-        Ok(Arrival { picture, at: Instant::now() })
+        self.arrival(Wait { start: Instant::now(), timeout, is_cancelled }, true)
     }
 }
 
@@ -142,6 +141,8 @@ struct Connection {
     /// `None` until the camera has warmed up.
     controls: Option<LockedControls>,
     device: Arc<Device>,
+    /// The kind of its buffers.
+    kind: Type,
     layout: FrameLayout,
     card: String,
 }
@@ -150,13 +151,14 @@ impl Connection {
     /// Opens the device at `path` and sets its format and size.
     fn open(path: &Path, format: Option<PixelFormat>, size: Option<[u32; 2]>) -> Result<Connection, CameraFault> {
         let (device, capabilities) = driver::open(path)?;
-        driver::check(&capabilities)?;
+        let kind = driver::buffers(&capabilities)?;
+        let offered = ioctl::formats(&device, kind);
         let format = match format {
             Some(format) => format,
-            None => preferred_format(&device)?,
+            None => preferred_format(&offered)?,
         };
-        let layout = set_format(&device, format, size)?;
-        Ok(Connection { stream: None, controls: None, device: device.into(), layout, card: capabilities.card })
+        let layout = set_format(&device, kind, &offered, format, size)?;
+        Ok(Connection { stream: None, controls: None, device: device.into(), kind, layout, card: capabilities.card })
     }
 
     /// The name of the device.
@@ -169,8 +171,8 @@ impl Connection {
         self.layout
     }
 
-    /// Averages the next frames, all of them exposed after this call unless it `is_next`.
-    fn frame(&mut self, settings: &CameraSettings, wait: Wait<'_>, is_next: bool) -> Result<Picture, CameraFault> {
+    /// Averages the next frames, all of them exposed after this call unless it `is_next`. They count as taken with the last.
+    fn frame(&mut self, settings: &CameraSettings, wait: Wait<'_>, is_next: bool) -> Result<Arrival, CameraFault> {
         let (mut frames, mut expected) = (0, u32::from(settings.average.get()));
         // Counts frames, so that a time-out can say how many arrived.
         let mut count = |taken: Result<(), WaitError>, expected: u32| match taken {
@@ -184,7 +186,7 @@ impl Connection {
         let was_running = self.stream.is_some();
         let stream = match &mut self.stream {
             Some(stream) => stream,
-            None => self.stream.insert(Stream::start(&self.device)?),
+            None => self.stream.insert(Stream::start(self.device.clone(), self.kind)?),
         };
         let mut skip = |stream: &mut Stream, number: u16| {
             expected += u32::from(number);
@@ -204,15 +206,18 @@ impl Connection {
                 }
             }
         }
-        let mut mean = PictureMean::default();
+        let (mut mean, mut at) = (PictureMean::default(), wait.start);
         for _ in 0..settings.average.get() {
             match stream.next(wait) {
-                Ok(bytes) => mean.add(self.layout.to_picture(bytes)?),
+                Ok(frame) => {
+                    mean.add(self.layout.picture_of(&frame.planes)?);
+                    at = frame.at;
+                }
                 Err(error) => count(Err(error), expected)?,
             }
             count(Ok(()), expected)?;
         }
-        Ok(mean.picture().expect("at least one frame"))
+        Ok(Arrival { picture: mean.picture().expect("at least one frame"), at })
     }
 
     /// Stops the camera. Its controls stay locked.
@@ -221,14 +226,21 @@ impl Connection {
     }
 }
 
-/// The first of [`PixelFormat::ALL`] that the device has.
-fn preferred_format(device: &Device) -> Result<PixelFormat, CameraFault> {
-    let formats = ioctl::formats(device);
-    let has = |format: &PixelFormat| formats.iter().any(|(fourcc, _)| *fourcc == format.fourcc());
-    PixelFormat::ALL.into_iter().find(has).ok_or_else(|| {
-        let names: Vec<String> = formats.iter().map(|(fourcc, _)| code(*fourcc)).collect();
+/// The formats that a device offers: codes, and the driver's descriptions.
+type Offered = [([u8; 4], String)];
+
+/// The first of [`PixelFormat::ALL`] that is offered.
+fn preferred_format(offered: &Offered) -> Result<PixelFormat, CameraFault> {
+    PixelFormat::ALL.into_iter().find(|&format| code_of(format, offered).is_some()).ok_or_else(|| {
+        let names: Vec<String> = offered.iter().map(|(fourcc, _)| code(*fourcc)).collect();
         CameraFault::NoFormat { offered: if names.is_empty() { "none".into() } else { names.join(", ") } }
     })
+}
+
+/// The code by which a device offers a format: that of planes with memory of their own first, whose rows have stated lengths.
+fn code_of(format: PixelFormat, offered: &Offered) -> Option<[u8; 4]> {
+    let is_offered = |code: &[u8; 4]| offered.iter().any(|(fourcc, _)| fourcc == code);
+    [format.fourcc_of_planes(), Some(format.fourcc())].into_iter().flatten().find(is_offered)
 }
 
 /// A four-character code without padding.
@@ -238,10 +250,16 @@ fn code(fourcc: [u8; 4]) -> String {
 
 /// Sets the device to `format` and `size`, or to its current size. Fails where a driver would silently use
 /// another format or size.
-fn set_format(device: &Device, format: PixelFormat, size: Option<[u32; 2]>) -> Result<FrameLayout, CameraFault> {
+fn set_format(
+    device: &Device,
+    kind: Type,
+    offered: &Offered,
+    format: PixelFormat,
+    size: Option<[u32; 2]>,
+) -> Result<FrameLayout, CameraFault> {
     let size = match size {
         Some(size) => size,
-        None => ioctl::format(device).map_err(CameraFault::during("query its format"))?.size,
+        None => ioctl::format(device, kind).map_err(CameraFault::during("query its format"))?.size,
     };
     let requested = FrameLayout { format, size, stride: 0 };
     let expected = format!("{requested}, not interlaced");
@@ -249,14 +267,27 @@ fn set_format(device: &Device, format: PixelFormat, size: Option<[u32; 2]>) -> R
         let found = format!("a size of {}x{}", size[0], size[1]);
         return Err(CameraFault::Format { found, expected: format!("1 to {} pixels on each side", input::MAX_SIDE) });
     }
-    let wanted = Format { size, fourcc: format.fourcc(), stride: 0, is_interlaced: false };
-    let actual = ioctl::set_format(device, &wanted).map_err(CameraFault::during("set its format"))?;
-    if (actual.size, actual.fourcc, actual.is_interlaced) != (wanted.size, wanted.fourcc, wanted.is_interlaced) {
+    let fourcc = code_of(format, offered).unwrap_or_else(|| format.fourcc());
+    let actual = ioctl::set_format(device, kind, size, fourcc).map_err(CameraFault::during("set its format"))?;
+    if (actual.size, actual.fourcc, actual.is_interlaced) != (size, fourcc, false) {
         let fields = if actual.is_interlaced { ", interlaced" } else { "" };
         let found = format!("{}x{} {}{fields}", actual.size[0], actual.size[1], code(actual.fourcc));
         return Err(CameraFault::Format { found, expected });
     }
-    Ok(FrameLayout { stride: actual.stride, ..requested })
+    let [stride, of_chroma @ ..] = &actual.strides[..] else {
+        return Err(CameraFault::Format { found: "frames without a plane".into(), expected });
+    };
+    let layout = FrameLayout { stride: *stride, ..requested };
+    // The planes are read as if they followed each other.
+    let chroma_stride = layout.chroma_stride(of_chroma.len().max(1) as u64);
+    if of_chroma.iter().any(|&stride| u64::from(stride) != chroma_stride) {
+        let found = format!("rows of {of_chroma:?} bytes in its planes of chroma");
+        return Err(CameraFault::Format {
+            found,
+            expected: format!("{chroma_stride} bytes in each, as rows of luma have {stride}"),
+        });
+    }
+    Ok(layout)
 }
 
 /// Lists the cameras in the order of their device numbers. Those that cannot be used are included, with the
@@ -292,18 +323,13 @@ impl CameraInfo {
             Err(CameraFault::NotFound | CameraFault::Disconnected) => return None,
             Err(fault) => return Some(unopened(&fault)),
         };
-        let problem = match driver::check(&capabilities) {
-            Ok(()) => None,
-            Err(CameraFault::NotACamera { .. }) => return None,
-            Err(fault) => Some(fault),
-        };
-        let formats = if problem.is_none() { ioctl::formats(&device) } else { Vec::new() };
+        let formats = ioctl::formats(&device, driver::buffers(&capabilities).ok()?);
         Some(CameraInfo {
             device: path.into(),
             card: capabilities.card,
             driver: capabilities.driver,
             bus: capabilities.bus,
-            problem: problem.map(|fault| fault.to_string()),
+            problem: None,
             formats: formats.into_iter().map(|(fourcc, description)| FormatInfo::of(&device, fourcc, description)).collect(),
         })
     }

@@ -1,26 +1,24 @@
-//! The stream of a camera's frames, their conversion to grey, and their mean.
+//! The stream of a camera's frames, and their conversion to pictures.
 
 use std::{
-    io, mem,
+    io,
     path::Path,
-    sync::atomic::{AtomicBool, Ordering},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
     time::{Duration, Instant},
 };
 
 use image::{GrayImage, ImageBuffer, Pixel};
-use v4l::{
-    Device,
-    buffer::{Flags, Type},
-    io::{
-        mmap,
-        traits::{CaptureStream, Stream as _},
-    },
-};
+use v4l::{Device, buffer::Type};
 
-use super::driver::{self, CameraFault, FrameLayout};
+use super::{
+    buffers::{Buffers, Frame},
+    driver::{CameraFault, FrameLayout},
+};
 use crate::{
     capture::camera::pixel_format::{Chroma, First, GraySample},
-    caught::caught,
     error::Error,
     images::Picture,
 };
@@ -55,38 +53,20 @@ pub(super) enum WaitError {
 }
 
 /// A running stream. After any error it must be dropped.
-///
-/// Crate `v4l` must never wait for a frame itself: after a time-out it queues a buffer that the driver still
-/// owns, and fails from then on. So this waits for each frame first.
 pub(super) struct Stream {
-    /// `None` only while it is dropped.
-    inner: Option<mmap::Stream<'static>>,
+    buffers: Buffers,
 }
 
 impl Stream {
-    /// Starts the camera.
-    pub(super) fn start(device: &Device) -> Result<Stream, CameraFault> {
-        let inner = mmap::Stream::with_buffers(device, Type::VideoCapture, BUFFERS);
-        let mut stream = Stream { inner: Some(inner.map_err(CameraFault::during("allocate its buffers"))?) };
-        let inner = stream.inner();
-        // In case a frame that was ready is gone when it is read.
-        inner.set_timeout(CANCEL_INTERVAL);
-        // Buffer 0 is queued by the first `CaptureStream::next`, as if its frame had just been read.
-        let mut queued = 0;
-        for index in 1..BUFFERS {
-            match CaptureStream::queue(inner, index as usize) {
-                Ok(()) => queued += 1,
-                // The driver allocated fewer buffers than requested.
-                Err(error) if queued >= 2 && error.kind() == io::ErrorKind::InvalidInput => break,
-                Err(error) => return Err(CameraFault::during("queue a buffer")(error)),
-            }
-        }
-        inner.start().map_err(CameraFault::during("start the stream"))?;
+    /// Starts the camera, whose buffers are of this kind.
+    pub(super) fn start(device: Arc<Device>, kind: Type) -> Result<Stream, CameraFault> {
+        let buffers = Buffers::allocate(device, kind, BUFFERS).map_err(CameraFault::during("allocate its buffers"))?;
+        let mut stream = Stream { buffers };
+        (0..stream.buffers.count())
+            .try_for_each(|index| stream.buffers.queue(index))
+            .map_err(CameraFault::during("queue a buffer"))?;
+        stream.buffers.start().map_err(CameraFault::during("start the stream"))?;
         Ok(stream)
-    }
-
-    fn inner(&mut self) -> &mut mmap::Stream<'static> {
-        self.inner.as_mut().expect("only drop takes it")
     }
 
     /// Discards the frames that are waiting.
@@ -107,12 +87,12 @@ impl Stream {
         self.read().map(drop).map_err(WaitError::Fault)
     }
 
-    /// Returns the bytes of the next frame.
-    pub(super) fn next(&mut self, wait: Wait<'_>) -> Result<&[u8], WaitError> {
+    /// Returns the next frame.
+    pub(super) fn next(&mut self, wait: Wait<'_>) -> Result<Frame<'_>, WaitError> {
         self.wait(wait)?;
         match self.read().map_err(WaitError::Fault)? {
-            (_, flags) if flags.contains(Flags::ERROR) => Err(WaitError::Fault(CameraFault::Damaged)),
-            (bytes, _) => Ok(bytes),
+            frame if frame.is_damaged => Err(WaitError::Fault(CameraFault::Damaged)),
+            frame => Ok(frame),
         }
     }
 
@@ -136,8 +116,8 @@ impl Stream {
     fn is_ready(&mut self, limit: Duration) -> Result<bool, CameraFault> {
         // Rounded up: poll(2) with 0 would return at once and keep the caller spinning.
         let milliseconds = limit.as_nanos().div_ceil(1_000_000) as i32;
-        match self.inner().handle().poll(libc::POLLIN, milliseconds) {
-            Ok(ready) => Ok(ready > 0),
+        match self.buffers.poll(milliseconds) {
+            Ok(is_ready) => Ok(is_ready),
             // A signal. The caller checks whether it cancelled the capture.
             Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(false),
             Err(error) => Err(CameraFault::during("wait for a frame")(error)),
@@ -145,29 +125,50 @@ impl Stream {
     }
 
     /// Reads the frame that is ready.
-    fn read(&mut self) -> Result<(&[u8], Flags), CameraFault> {
-        let (buffer, frame) = CaptureStream::next(self.inner()).map_err(CameraFault::during("read a frame"))?;
-        // The buffer may be longer than the frame.
-        Ok((&buffer[..buffer.len().min(frame.bytesused as usize)], frame.flags))
+    fn read(&mut self) -> Result<Frame<'_>, CameraFault> {
+        self.buffers.next().map_err(CameraFault::during("read a frame"))
     }
 }
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        let Some(mut inner) = self.inner.take() else { return };
-        // If the driver does not stop, crate `v4l` panics, and panics again as it releases the buffers, which
-        // aborts the program. Leak such a stream instead.
-        let has_stopped = (0..2).any(|_| inner.stop().map_or_else(|error| driver::is_gone(&error), |()| true));
-        if has_stopped {
-            // A panic here means that the device is gone. The program goes on.
-            let _ = caught(|| drop(inner));
-        } else {
-            mem::forget(inner);
-        }
+        // A driver that fails at the first attempt may stop at the second. One that is gone has stopped.
+        let _ = self.buffers.stop().or_else(|_| self.buffers.stop());
     }
 }
 
 impl FrameLayout {
+    /// Converts a frame, given by its planes in memory, to a picture.
+    ///
+    /// # Errors
+    /// As [`to_picture`](FrameLayout::to_picture).
+    pub(super) fn picture_of(&self, planes: &[&[u8]]) -> Result<Picture, CameraFault> {
+        match planes {
+            [frame] => self.to_picture(frame),
+            _ => self.to_picture(&self.joined(planes)?),
+        }
+    }
+
+    /// A frame in one piece, of planes that have memory of their own: that of luma, then those of chroma.
+    fn joined(&self, planes: &[&[u8]]) -> Result<Vec<u8>, CameraFault> {
+        let mut frame = Vec::new();
+        let of_chroma = planes.len() as u64 - 1;
+        for (k, plane) in planes.iter().enumerate() {
+            let [stride, rows] = match k {
+                0 => [self.stride() as u64, self.size[1].into()],
+                _ => [self.chroma_stride(of_chroma), self.size[1].div_ceil(2).into()],
+            };
+            let end = frame.len() + (stride * rows) as usize;
+            frame.extend(plane.iter().take(end - frame.len()));
+            // Of the last plane, the last row may lack its padding, and too few bytes are found later.
+            if frame.len() < end && k + 1 < planes.len() {
+                let found = frame.len() as u64;
+                return Err(CameraFault::Truncated { found, expected: self.bytes(), layout: *self });
+            }
+        }
+        Ok(frame)
+    }
+
     /// Converts a frame to a picture, in colour if its format has colours. Bytes beyond the last row are ignored.
     ///
     /// # Errors

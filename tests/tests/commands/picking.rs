@@ -16,10 +16,7 @@ use multiscopic_tests::{
 
 use crate::{
     command_line::documentation::shell_lines,
-    lenses::{
-        hand_eye::{BOARD, board_in_camera},
-        lens_calibration,
-    },
+    lenses::{hand_eye, lens_calibration},
 };
 
 /// The tool, which looks down.
@@ -45,23 +42,6 @@ fn write_simulated(path: &Path) {
         "[lens]\nfocal_px = {focal:?}\nprincipal_point = {middle:?}\nmodel = \"plumb_bob\"\ncoefficients = {coefficients:?}\n"
     );
     fs::write(path, lens).expect("the folder is there");
-}
-
-/// Step 4: pictures of the board, and what the arm's pendant shows.
-fn write_poses(folder: &Path) {
-    fs::create_dir(folder).expect("a new folder");
-    let poses = lens_calibration::poses(&camera(), 12);
-    let photos = lens_calibration::Photos::new("charuco", &camera(), &poses, 0);
-    let mut csv = String::from("image,x_m,y_m,z_m,rx_rad,ry_rad,rz_rad\n");
-    for (k, pose) in poses.iter().enumerate() {
-        let name = format!("{k:02}.png");
-        fs::copy(photos.file(&name), folder.join(&name)).expect("a picture");
-        let tool = BOARD * (ON_TOOL * board_in_camera(pose)).inverse();
-        let metres = tool.translation_mm.map(|mm| mm / 1000.0);
-        let numbers = metres.into_iter().chain(tool.rotation_deg.map(f64::to_radians)).map(|number| format!(",{number:.6}"));
-        csv += &(name + &numbers.collect::<String>() + "\n");
-    }
-    fs::write(folder.join("poses.csv"), csv).expect("the folder is there");
 }
 
 /// Checks a cloud in the frame of the base against the true disparities of its rig: points are where the camera, which is where
@@ -107,7 +87,10 @@ fn a_part_is_found_by_the_commands_of_the_guide() {
     let arm = SimulatedArm::start(START);
     let machine = SimulatedMachine::start(Firmware::Grbl, [0.0; 2], Duration::ZERO);
     write_simulated(&at("sim.toml"));
-    write_poses(&at("poses"));
+    let poses = lens_calibration::poses(&camera(), 15);
+    let photos = lens_calibration::Photos::new("charuco", &camera(), &poses, 0);
+    let tools: Vec<_> = poses.iter().map(|pose| hand_eye::tool_at(pose, ON_TOOL)).collect();
+    let led = hand_eye::led_arm(&photos.file(""), &tools);
     let (arm_spec, machine_spec) = (arm.spec(), machine.spec());
     let stands_in: HashMap<&str, &str> = HashMap::from([
         ("/dev/video0", "sim:sim.toml"),
@@ -126,7 +109,12 @@ fn a_part_is_found_by_the_commands_of_the_guide() {
         words.extend(
             MORE.iter().filter(|(start, _)| line.starts_with(start)).flat_map(|(_, more)| more.split(' ')).map(Into::into),
         );
-        let words = words.iter().map(|word| stands_in.get(word.as_str()).copied().unwrap_or(word));
+        let is_led = line.starts_with("multiscopic calibrate hand-eye");
+        let words = words.iter().map(|word| match word.as_str() {
+            "/dev/video0" if is_led => &led[0],
+            "ur10:192.168.0.10" if is_led => &led[1],
+            word => stands_in.get(word).copied().unwrap_or(word),
+        });
         let output = Command::new(program::binary()).args(words).current_dir(dir.path()).output().expect("the program runs");
         let messages = String::from_utf8_lossy(&output.stderr);
         println!("{line}\n{messages}");

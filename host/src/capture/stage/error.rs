@@ -20,6 +20,12 @@ pub enum StageError {
         /// The mistake in it.
         problem: &'static str,
     },
+    /// The stage measures no poses of a tool.
+    #[error("{stage} measures no poses; an arm does: ur10:HOST, or exec:COMMAND that tells poses behind positions")]
+    NoPose {
+        /// The stage.
+        stage: String,
+    },
     /// A limit is out of range.
     #[error("the stage's {name} is {value}, expected {} to {}", range.start(), range.end())]
     Limits {

@@ -6,6 +6,7 @@
 //! | [`Limits`] | how far and how fast a stage may go, and how long to wait for it |
 //! | [`PosedStage`] | a stage that tells the pose that it measures |
 //! | [`open`], [`AnyStage`] | opens a stage of any kind |
+//! | [`PoseReader`] | the poses of an arm that a person leads |
 //! | [`Arm`] | an arm of Universal Robots |
 //! | [`gcode`] | machines with G-code on a serial port |
 //! | [`exec`] | a command that moves a stage of any kind |
@@ -24,6 +25,7 @@ pub mod exec;
 pub mod gcode;
 mod limits;
 mod manual;
+mod pose_reader;
 mod posed;
 pub mod robot_arm;
 mod simulated;
@@ -37,6 +39,7 @@ pub use adapters::{AnyStage, FollowedStage, TurnedStage};
 pub use error::{SafetyMode, StageError};
 pub use limits::Limits;
 pub use manual::ManualStage;
+pub use pose_reader::PoseReader;
 pub use posed::PosedStage;
 pub use robot_arm::{Arm, ArmAddress};
 pub use simulated::{SimulatedPlace, SimulatedStage, StageImperfections, StagePose};

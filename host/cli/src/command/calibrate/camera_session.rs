@@ -11,8 +11,9 @@ use std::{
 use image::GrayImage;
 use multiscopic::{
     CameraModel, Error, Lens, Picture, Raster, Result,
-    calibration::{BoardCorner, BoardImage, Coverage, PrintedBoard},
-    capture::{BlockingCamera, Imperfections},
+    calibration::{ArmPose, BoardCorner, BoardImage, Coverage, PrintedBoard},
+    capture::{BlockingCamera, Imperfections, stage::PoseReader},
+    images::Transform,
 };
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -31,6 +32,13 @@ const SIMULATED_FOCAL: f64 = 1.5;
 const NEW_POSE: f64 = 0.06;
 /// The board stands still if its corners move by at most this many pixels from one picture to the next.
 const STILL_PX: f64 = 1.0;
+/// A pose of the tool is new if it is turned by this much against each before.
+const NEW_TURN_DEG: f64 = 8.0;
+/// The tool is turned enough about an axis if it was by this much.
+const ENOUGH_TURN_DEG: f64 = 20.0;
+/// The arm stands still if its tool moves by less than this while a picture is taken.
+const STILL_MM: f64 = 0.1;
+const STILL_DEG: f64 = 0.02;
 /// The number of pictures without a new pose after which the session ends.
 const MOST_TRIALS: u32 = 3000;
 
@@ -39,7 +47,7 @@ pub struct CameraSession<'a> {
     pub board: &'a PrintedBoard,
     /// The number of pictures to take.
     pub pictures: usize,
-    /// A new folder for them.
+    /// A new folder for them, and for the poses of an arm.
     pub keep: Option<&'a Path>,
 }
 
@@ -48,13 +56,21 @@ struct Taken<'a> {
     session: &'a CameraSession<'a>,
     size: [usize; 2],
     images: Vec<BoardImage>,
+    /// The poses of the tool, if an arm carries the camera.
+    poses: Vec<ArmPose>,
     /// The last message, which is said once.
     said: String,
 }
 
 impl CameraSession<'_> {
-    /// Takes pictures until there are enough, or the user presses Ctrl-C. Returns the boards and the size of the pictures.
-    pub fn run(&self, camera: &CameraSpec, settings: &SettingsOptions) -> Result<(Vec<BoardImage>, [usize; 2])> {
+    /// Takes pictures until there are enough, or the user presses Ctrl-C: whenever the board is in a new pose, or the `arm` that
+    /// carries the camera. Returns the boards and the size of the pictures.
+    pub fn run(
+        &self,
+        camera: &CameraSpec,
+        settings: &SettingsOptions,
+        arm: Option<PoseReader>,
+    ) -> Result<(Vec<BoardImage>, [usize; 2])> {
         if let Some(folder) = self.keep {
             fs::create_dir(folder).map_err(|source| Error::Write { path: folder.into(), source })?;
         }
@@ -65,13 +81,16 @@ impl CameraSession<'_> {
                 let mut camera = AnyCamera::open(source, settings, &note)?;
                 let (_, size) = camera.describe(timeout)?;
                 let mut is_warned = false;
-                self.take(size.map(|side| side as usize), true, |cancelled| {
+                self.take(size.map(|side| side as usize), true, arm, |cancelled| {
                     let picture = camera.take(timeout, cancelled)?;
                     if let Some(note) = note.get().filter(|_| !mem::replace(&mut is_warned, true)) {
                         terminal::warn(note);
                     }
                     Ok(picture)
                 })
+            }
+            CameraSpec::Simulated(_) if arm.is_some() => {
+                Err(Error::Usage("a simulated camera does not see a board from an arm: give a real one, or exec:".into()))
             }
             CameraSpec::Simulated(file) => {
                 let lens = match file {
@@ -86,7 +105,7 @@ impl CameraSession<'_> {
                     lens: Lens::IDEAL,
                 };
                 let mut camera = SimulatedBoard::new(self.board, &lens.unwrap_or(pinhole), size);
-                self.take(size, false, |cancelled| camera.take(Duration::MAX, cancelled).map_err(|never| match never {}))
+                self.take(size, false, None, |cancelled| camera.take(Duration::MAX, cancelled).map_err(|never| match never {}))
             }
         }
     }
@@ -95,17 +114,21 @@ impl CameraSession<'_> {
         &self,
         size: [usize; 2],
         is_live: bool,
+        mut arm: Option<PoseReader>,
         mut take: impl FnMut(&AtomicBool) -> Result<Picture>,
     ) -> Result<(Vec<BoardImage>, [usize; 2])> {
         // The first Ctrl-C ends the session, the second the program.
         let interrupts = signals::count(2);
         let never = AtomicBool::new(false);
-        let mut taken = Taken { session: self, size, images: Vec::new(), said: String::new() };
+        let mut taken = Taken { session: self, size, images: Vec::new(), poses: Vec::new(), said: String::new() };
         let mut previous: Vec<BoardCorner> = Vec::new();
         let mut trials = 0;
         while taken.images.len() < self.pictures && interrupts.load(Ordering::Relaxed) == 0 && trials < MOST_TRIALS {
             trials += 1;
+            let mut tool = || arm.as_mut().map(|arm| arm.pose().map_err(Error::from)).transpose();
+            let before = tool()?;
             let picture = take(&never)?;
+            let tool = tool()?;
             let corners = match self.board.corners_in(&picture.to_gray()) {
                 Ok(corners) => corners,
                 Err(miss) => {
@@ -113,16 +136,16 @@ impl CameraSession<'_> {
                     continue;
                 }
             };
-            let is_still = !is_live || motion(&corners, &previous).is_some_and(|motion| motion < STILL_PX);
-            if taken.is_new(&corners) {
-                if is_still {
-                    taken.keep(picture, corners.clone())?;
+            let is_still = before.zip(tool).is_none_or(|(before, after)| is_at_rest(&before, &after))
+                && (!is_live || motion(&corners, &previous).is_some_and(|motion| motion < STILL_PX));
+            let is_new = tool.map_or_else(|| taken.is_new(&corners), |tool| taken.is_turned(&tool));
+            match (is_new, is_still) {
+                (true, true) => {
+                    taken.keep(picture, corners.clone(), tool)?;
                     trials = 0;
-                } else {
-                    taken.say("hold the board still".into());
                 }
-            } else {
-                taken.say(taken.next());
+                (true, false) => taken.say(if tool.is_some() { "hold the arm still" } else { "hold the board still" }.into()),
+                (false, _) => taken.say(taken.next()),
             }
             previous = corners;
         }
@@ -137,10 +160,19 @@ impl Taken<'_> {
         self.images.iter().all(is_other)
     }
 
-    fn keep(&mut self, picture: Picture, corners: Vec<BoardCorner>) -> Result<()> {
+    /// True if the tool is turned against all poses that were taken.
+    fn is_turned(&self, tool: &Transform) -> bool {
+        self.poses.iter().all(|pose| angle_deg(&(pose.tool.inverse() * *tool)) > NEW_TURN_DEG)
+    }
+
+    fn keep(&mut self, picture: Picture, corners: Vec<BoardCorner>, tool: Option<Transform>) -> Result<()> {
         let name = format!("{:02}.png", self.images.len() + 1);
         if let Some(folder) = self.session.keep {
             picture.write_png(&folder.join(&name))?;
+        }
+        self.poses.extend(tool.map(|tool| ArmPose { picture: name.clone().into(), tool }));
+        if let (Some(folder), Some(_)) = (self.session.keep, tool) {
+            ArmPose::write_all(&self.poses, &folder.join(ArmPose::FILE_NAME))?;
         }
         self.images.push(BoardImage { name, corners });
         let message = format!("picture {} of {}; {}", self.images.len(), self.session.pictures, self.next());
@@ -150,6 +182,16 @@ impl Taken<'_> {
 
     /// Returns advice on the next picture.
     fn next(&self) -> String {
+        if let Some(first) = self.poses.first() {
+            let turns = self.poses.iter().map(|pose| (first.tool.inverse() * pose.tool).rotation_deg);
+            let spread = |axis: usize| turns.clone().map(|turn| turn[axis].abs()).fold(0.0, f64::max);
+            let missing: Vec<&str> =
+                (0..3).filter(|&axis| spread(axis) < ENOUGH_TURN_DEG).map(|axis| ["x", "y", "z"][axis]).collect();
+            return match missing.is_empty() {
+                true => "turn the tool otherwise, and look at the board from elsewhere".into(),
+                false => format!("turn the tool by 20 to 40 degrees about its {}", missing.join(", and then about its ")),
+            };
+        }
         let pixels = self.images.iter().flat_map(|image| &image.corners).map(|corner| corner.pixel);
         let missing = Coverage::new(self.size, pixels).missing();
         match missing.is_empty() {
@@ -164,6 +206,17 @@ impl Taken<'_> {
             self.said = message;
         }
     }
+}
+
+/// The angle of a rotation in degrees.
+fn angle_deg(Transform { rotation_deg, .. }: &Transform) -> f64 {
+    rotation_deg.iter().map(|turn| turn * turn).sum::<f64>().sqrt()
+}
+
+/// True if a tool has not moved from one pose to the other.
+fn is_at_rest(before: &Transform, after: &Transform) -> bool {
+    let moved = before.inverse() * *after;
+    moved.translation_mm.iter().all(|mm| mm.abs() < STILL_MM) && angle_deg(&moved) < STILL_DEG
 }
 
 /// The mean distance in pixels between the corners that both images show. `None` if there are none.

@@ -9,6 +9,7 @@ use clap::Args;
 use multiscopic::{
     Error, Picture, Progress, Result,
     calibration::{ArmNoise, ArmPose, ArmView, ArmViewErrors, HandEyeCalibration},
+    capture::stage::{Limits, PoseReader, StageSpec},
     files::output,
     images::Transform,
     lens::{HandEye, LensFile},
@@ -16,25 +17,38 @@ use multiscopic::{
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::board::BoardOptions;
+use super::{board::BoardOptions, camera_session::CameraSession};
 use crate::command::{
     advice, limits,
-    options::{BitsOption, depth_of, read_lens, value::positive},
+    options::{BitsOption, CameraSpec, SettingsOptions, depth_of, read_lens, value::positive},
     terminal::{self, Watch},
 };
 
 /// Finds where the camera sits on the tool of an arm, from pictures of a printed board and the poses of the tool
 ///
 /// Fix a board of `multiscopic calibrate board` where the arm can look at it. Take 10 to 15 pictures of it from all sides, with the tool
-/// turned by 20 to 40 degrees about each of its axes, and write down the pose that the arm reports for each. The file that is
-/// written serves `capture --hand-eye` and `match --frame`.
+/// turned by 20 to 40 degrees about each of its axes, and the pose that the arm reports for each: with --camera and --stage while you
+/// lead the arm by hand, or beforehand. The file that is written serves `capture --hand-eye` and `match --frame`.
 #[derive(Clone, Debug, Args)]
 pub struct HandEyeCommand {
     /// Poses of the tool in the frame of the arm's base, with their pictures, or a folder with both, whose poses are in poses.csv. A
     /// CSV file whose first line names its columns: image,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg; or x_m,y_m,z_m, rx_rad,ry_rad,rz_rad as
-    /// arms of Universal Robots have them, or a quaternion qx,qy,qz,qw
+    /// arms of Universal Robots have them, or a quaternion qx,qy,qz,qw. With --camera, a new folder for both
     #[arg(value_name = "POSES.csv|DIR")]
     poses: PathBuf,
+
+    /// Take the pictures now, whenever you have led the arm to a pose that is newly turned and it stands still, until --pictures are
+    /// taken or Ctrl-C. The arm's poses are read by --stage, which does not move it
+    #[arg(long, value_name = "/dev/videoN|http://URL|exec:COMMAND", requires = "stage")]
+    camera: Option<CameraSpec>,
+
+    /// The arm that carries the camera
+    #[arg(long, value_name = "ur10:HOST|exec:COMMAND", requires = "camera")]
+    stage: Option<StageSpec>,
+
+    /// Number of pictures that the camera takes
+    #[arg(long, value_name = "N", default_value_t = 15, requires = "camera")]
+    pictures: usize,
 
     /// Calibration of the camera's lens: a camera.toml, or a file of ROS, OpenCV or Kalibr
     #[arg(long, value_name = "FILE")]
@@ -61,6 +75,9 @@ pub struct HandEyeCommand {
 
     #[command(flatten)]
     bits: BitsOption,
+
+    #[command(flatten)]
+    settings: SettingsOptions,
 }
 
 /// The object that `--json` prints.
@@ -91,9 +108,15 @@ impl HandEyeCommand {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let board = self.board.board()?;
+        let lens = read_lens(&self.lens)?;
+        if let (Some(camera), Some(stage)) = (&self.camera, &self.stage) {
+            output::check(&[&self.output], &[&*self.lens])?;
+            let arm = PoseReader::open(stage, &Limits::default())?;
+            let session = CameraSession { board: &board, pictures: self.pictures, keep: Some(&self.poses) };
+            session.run(camera, &self.settings, Some(arm))?;
+        }
         let poses_file = if self.poses.is_dir() { self.poses.join(ArmPose::FILE_NAME) } else { self.poses.clone() };
         let poses = ArmPose::read_all(&poses_file)?;
-        let lens = read_lens(&self.lens)?;
         let pictures: Vec<&Path> = poses.iter().map(|pose| pose.picture.as_path()).collect();
         output::check(&[&self.output], &[&[&*poses_file, &*self.lens], &pictures[..]].concat())?;
         let depth = depth_of(&self.bits, None, &pictures)?;

@@ -96,7 +96,7 @@ impl LensCommand {
             None => self.photos(&board)?,
             Some(camera) => {
                 let session = CameraSession { board: &board, pictures: self.pictures, keep: self.keep.as_deref() };
-                let (images, size) = session.run(camera, &self.settings)?;
+                let (images, size) = session.run(camera, &self.settings, None)?;
                 (images, size, Vec::new())
             }
         };

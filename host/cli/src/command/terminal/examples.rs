@@ -139,6 +139,10 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "multiscopic calibrate hand-eye poses.csv --lens camera.toml -o hand_eye.toml",
             ),
             ("A folder of pictures with a poses.csv", "multiscopic calibrate hand-eye poses --lens camera.toml"),
+            (
+                "The same, taken now while you lead the arm by hand",
+                "multiscopic calibrate hand-eye poses --lens camera.toml \\\n    --camera /dev/video0 --stage ur10:192.168.0.10",
+            ),
         ],
     ),
     (

@@ -212,6 +212,24 @@ impl Drop for Arm {
     }
 }
 
+/// The poses of an arm that something else moves, in whatever mode it is.
+pub(super) struct ArmMonitor(Feedback);
+
+impl ArmMonitor {
+    /// Connects to an arm's reports alone.
+    pub(super) fn connect(address: &ArmAddress, limits: &Limits) -> Result<ArmMonitor, StageError> {
+        limits.check()?;
+        let hosts = Hosts(address.resolve(limits.connect_timeout)?);
+        let line = Line { address: address.clone(), network: Box::new(hosts), limits: *limits, clock: Arc::new(SystemClock) };
+        line.open_feedback().map(ArmMonitor)
+    }
+
+    /// The pose of the tool in the frame of the arm's base.
+    pub(super) fn pose(&self) -> Result<Transform, StageError> {
+        Ok(self.0.state()?.sample.pose.transform())
+    }
+}
+
 /// The way to an arm, over which connections are opened.
 struct Line {
     address: ArmAddress,

@@ -58,4 +58,4 @@ pub use cost_function::{CostFunction, CostName};
 pub use method::{Estimate, Method, Pipeline};
 pub use method_name::{MethodName, SemiGlobalMethod};
 pub use refinement::Refinement;
-pub use sweep::{Sweep, dense_sweep, sweep};
+pub use sweep::{Sweep, dense_sweep, growing_sweep, sweep};

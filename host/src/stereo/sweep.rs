@@ -53,12 +53,25 @@ pub struct Sweep {
 /// # Panics
 /// If a picture has another size than `params`.
 pub fn sweep(params: &SweepParams, center: &GrayImage, frames: &[(SweepOffset, &GrayImage)]) -> Sweep {
+    growing_sweep(params, center, frames, &[]).0
+}
+
+/// [`fn@sweep`], and the disparities `after` each of these numbers of frames.
+///
+/// # Panics
+/// As [`fn@sweep`].
+pub fn growing_sweep(
+    params: &SweepParams,
+    center: &GrayImage,
+    frames: &[(SweepOffset, &GrayImage)],
+    after: &[usize],
+) -> (Sweep, Vec<DisparityMap>) {
     let (width, height) = (params.search().width(), params.search().height());
     for (picture, name) in frames.iter().map(|(_, image)| (*image, "frame")).chain([(center, "centre")]) {
         assert_eq!(picture.dimensions(), (width as u32, height as u32), "the size of a {name}");
     }
     let simd = Simd::available().into_iter().next().unwrap_or(Simd::BASELINE);
-    simd.run(Sliding { params, center, frames })
+    simd.run(Sliding { params, center, frames, after })
 }
 
 /// A sweep with an instruction set.
@@ -66,33 +79,46 @@ struct Sliding<'a> {
     params: &'a SweepParams,
     center: &'a GrayImage,
     frames: &'a [(SweepOffset, &'a GrayImage)],
+    after: &'a [usize],
 }
 
 impl Task for Sliding<'_> {
-    type Output = Sweep;
+    type Output = (Sweep, Vec<DisparityMap>);
 
-    fn run<I: Kernel>(self, isa: I) -> Sweep {
-        let Sliding { params, center, frames } = self;
-        let (width, height) = (params.search().width(), params.search().height());
+    fn run<I: Kernel>(self, isa: I) -> (Sweep, Vec<DisparityMap>) {
+        let Sliding { params, center, frames, after } = self;
         let mut memory = vec![0; params.memory_words()];
         let mut filter = infallible(SweepFilter::with_isa(isa, params, &mut memory));
-        let refine = |(offset, image): &(SweepOffset, &GrayImage)| {
-            infallible(filter.refine(*offset, &mut Lines(center), &mut Lines(image)))
-        };
-        let reports = frames.iter().map(refine).collect();
-        let mut lines_memory = vec![0; ConfidenceLines::memory_words(width)];
-        let mut lines = infallible(ConfidenceLines::with_isa(isa, params.search(), &ConfidenceTable::SWEEP, &mut lines_memory));
-        let mut disparities: Raster<Option<Disparity>> = Raster::filled(width, height, None);
-        let mut confidences = Raster::filled(width, height, 0);
-        let (mut reader, mut source) = (filter.reader(), Lines(center));
-        for (disparities, confidences) in disparities.rows_mut().zip(confidences.rows_mut()) {
-            let next = |disparities: &mut [Option<Disparity>], evidence: &mut [u8]| -> Result<_, MatchError<Infallible>> {
-                reader.next_line_and_evidence(&mut source, disparities, evidence)
-            };
-            infallible(lines.next_line(next, disparities, confidences));
+        let (mut reports, mut growth) = (Vec::new(), Vec::new());
+        for (n, (offset, image)) in frames.iter().enumerate() {
+            reports.push(infallible(filter.refine(*offset, &mut Lines(center), &mut Lines(image))));
+            growth.extend(after.contains(&(n + 1)).then(|| findings(isa, params, &mut filter, center).0));
         }
-        Sweep { disparities, confidences, reports }
+        let (disparities, confidences) = findings(isa, params, &mut filter, center);
+        (Sweep { disparities, confidences, reports }, growth)
     }
+}
+
+/// The disparities that a filter has found so far, and their confidences.
+fn findings<I: Kernel>(
+    isa: I,
+    params: &SweepParams,
+    filter: &mut SweepFilter<'_, I>,
+    center: &GrayImage,
+) -> (DisparityMap, ConfidenceMap) {
+    let (width, height) = (params.search().width(), params.search().height());
+    let mut lines_memory = vec![0; ConfidenceLines::memory_words(width)];
+    let mut lines = infallible(ConfidenceLines::with_isa(isa, params.search(), &ConfidenceTable::SWEEP, &mut lines_memory));
+    let mut disparities: Raster<Option<Disparity>> = Raster::filled(width, height, None);
+    let mut confidences = Raster::filled(width, height, 0);
+    let (mut reader, mut source) = (filter.reader(), Lines(center));
+    for (disparities, confidences) in disparities.rows_mut().zip(confidences.rows_mut()) {
+        let next = |disparities: &mut [Option<Disparity>], evidence: &mut [u8]| -> Result<_, MatchError<Infallible>> {
+            reader.next_line_and_evidence(&mut source, disparities, evidence)
+        };
+        infallible(lines.next_line(next, disparities, confidences));
+    }
+    (disparities, confidences)
 }
 
 /// The difference up to which the filter confirms a disparity, in pixels.

@@ -14,4 +14,4 @@ pub use error_map::EpipolarMap;
 pub use error_map::ReprojectionMap;
 pub use figure::{Figure, PictureColumn, contact_sheet};
 pub use page::Report;
-pub use viewer::{BlockCosts, EncodedMap, LivePanel, ViewedMap, ViewedScene};
+pub use viewer::{BlockCosts, EncodedMap, LivePanel, SweepStep, ViewedMap, ViewedScene};

@@ -40,7 +40,7 @@ use super::{
     terminal::{self, Watch},
     view,
 };
-use crate::report::{Report, ViewedMap, ViewedScene};
+use crate::report::{Report, SweepStep, ViewedMap, ViewedScene};
 
 /// The largest disparity that can be searched, in pixels.
 const MOST_DISPARITY: usize = Disparity::MAX_SEARCH as usize;
@@ -236,7 +236,8 @@ impl Match {
         let results = (&disparities, confidences.as_ref());
         let viewed = view::matched_map(name.into(), (self.matching.method.name(), &method), &search, results, Some(seconds));
         let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
-        let matched = Matched { preparation, geometry, center, frame_tree, frame, frames: (frames, color), truth };
+        let (frames, sweep) = ((frames, color), Vec::new());
+        let matched = Matched { preparation, geometry, center, frame_tree, frame, frames, sweep, truth };
         let summary = self.finish((&source, outputs), matched, viewed, deviations.as_ref(), summary)?;
         Ok((summary, disparities))
     }
@@ -263,7 +264,7 @@ impl Match {
         mut summary: Summary,
     ) -> Result<Summary> {
         let (disparities, confidences) = (map.disparities, map.confidences);
-        let Matched { preparation, geometry, center, frame_tree, frame, frames: (frames, color), truth } = matched;
+        let Matched { preparation, geometry, center, frame_tree, frame, frames: (frames, color), sweep, truth } = matched;
         let (size, search) = (frames.size(), preparation.search);
         let of_images = advice::warnings(&preparation, disparities, &search);
         let of_images = if summary.fusion.is_none() {
@@ -286,7 +287,8 @@ impl Match {
             let mut scene = ViewedScene::new(&*title, size)
                 .with_geometry(geometry.as_ref())
                 .with_frames(&frames, color.as_ref())
-                .with_truth(truth.as_ref());
+                .with_truth(truth.as_ref())
+                .with_sweep(&sweep);
             let file = outputs.maps.beside(page);
             scene.add(ViewedMap { file, ..map });
             let page =
@@ -365,6 +367,8 @@ struct Matched {
     frame: PointFrame,
     /// The frames that a page shows, and the colours of the centre.
     frames: (Frames, Option<RgbImage>),
+    /// The steps of a sweep that a page shows.
+    sweep: Vec<SweepStep>,
     /// The file of the true disparities, if a page shows them.
     truth: Option<PathBuf>,
 }

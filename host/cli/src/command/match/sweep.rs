@@ -2,12 +2,13 @@
 
 use std::time::Instant;
 
+use image::GrayImage;
 use multiscopic::{
     DisparityMap, Engine, Error, Result,
     images::noise,
-    stereo::{Estimate, Method, confidence_map, dense_sweep},
+    stereo::{Estimate, Method, confidence_map, dense_sweep, growing_sweep},
 };
-use multiscopic_core::{Frame, SweepParams};
+use multiscopic_core::{Frame, SweepOffset, SweepParams};
 
 use super::{Match, Matched, Outputs, Summary};
 use crate::{
@@ -17,7 +18,7 @@ use crate::{
         preparation::{mask_unseen, prepare, say_if_much},
         terminal::Watch,
     },
-    report::ViewedMap,
+    report::{SweepStep, ViewedMap},
 };
 
 /// The options that a sweep obeys.
@@ -59,6 +60,22 @@ const OBEYED: [&str; 33] = [
 
 /// The radius of the blocks.
 const RADIUS: u8 = 2;
+
+/// The most steps that a page shows.
+const MOST_STEPS: usize = 16;
+
+/// The steps of a sweep that a page shows, evenly spread over its frames.
+fn steps(params: &SweepParams, center: Option<&GrayImage>, images: &[(SweepOffset, &GrayImage)]) -> Vec<SweepStep> {
+    let (Some(center), count) = (center, images.len().min(MOST_STEPS)) else { return Vec::new() };
+    let after: Vec<usize> = (1..=count).map(|step| step * images.len() / count).collect();
+    let (_, growth) = growing_sweep(params, center, images, &after);
+    let step = |(frames, disparities): (usize, DisparityMap)| {
+        let (offset, image) = images[frames - 1];
+        let place = f64::from(offset.to_bits()) / f64::from(SweepOffset::STEPS);
+        SweepStep { frames, place, image: image.clone(), disparities }
+    };
+    after.into_iter().zip(growth).map(step).collect()
+}
 
 impl Match {
     /// Matches the frames of a sweep, and writes the outputs together.
@@ -150,7 +167,9 @@ impl Match {
             file: None,
         };
         let color = frames.color(Frame::Center).filter(|_| outputs.report.is_some()).cloned();
-        let matched = Matched { preparation, geometry, center, frame_tree, frame, frames: (frames, color), truth };
+        let sweep = if outputs.report.is_some() { steps(&params, frames.get(Frame::Center), &images) } else { Vec::new() };
+        let frames = (frames, color);
+        let matched = Matched { preparation, geometry, center, frame_tree, frame, frames, sweep, truth };
         let summary = self.finish((&source, outputs), matched, viewed, None, summary)?;
         Ok((summary, disparities))
     }

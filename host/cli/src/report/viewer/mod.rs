@@ -9,7 +9,7 @@ use maud::{Markup, PreEscaped, html};
 use multiscopic::images::Colormap;
 use serde_json::{Map, Value, json};
 
-pub use self::viewed_scene::{BlockCosts, EncodedMap, ViewedMap, ViewedScene};
+pub use self::viewed_scene::{BlockCosts, EncodedMap, SweepStep, ViewedMap, ViewedScene};
 
 pub(super) const STYLE: &str = include_str!("page/viewer.css");
 const CONTROLS: &str = include_str!("page/viewer.html");
@@ -19,7 +19,7 @@ await openFirst();
 "#;
 
 /// The modules that others import, by name.
-const MODULES: [(&str, &str); 8] = [
+const MODULES: [(&str, &str); 9] = [
     ("viewer/app.js", include_str!("page/app.js")),
     ("viewer/cloud.js", include_str!("page/cloud.js")),
     ("viewer/color.js", include_str!("page/color.js")),
@@ -28,6 +28,7 @@ const MODULES: [(&str, &str); 8] = [
     ("viewer/panes.js", include_str!("page/panes.js")),
     ("viewer/plots.js", include_str!("page/plots.js")),
     ("viewer/readout.js", include_str!("page/readout.js")),
+    ("viewer/slice.js", include_str!("page/slice.js")),
 ];
 
 /// The viewer of scenes, of which there is at least one. `command` made the page.

@@ -3,8 +3,9 @@
 use std::io::Cursor;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
-use image::{RgbImage, codecs::jpeg::JpegEncoder};
+use image::{GrayImage, RgbImage, codecs::jpeg::JpegEncoder};
 use multiscopic_core::{Frame, SearchSpace, View};
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -30,6 +31,8 @@ pub struct ViewedScene {
     color: Option<String>,
     truth: Option<String>,
     maps: Vec<EncodedMap>,
+    /// The steps of a sweep, in the order in which its frames were taken in.
+    sweep: Vec<EncodedStep>,
     /// The parts that [`fit`](ViewedScene::fit) has left out.
     left_out: Vec<Part>,
     #[serde(skip)]
@@ -52,6 +55,27 @@ struct EncodedFrame {
     name: String,
     view: Option<[i8; 2]>,
     gray: String,
+}
+
+/// A frame of a sweep, and the disparities after it.
+#[derive(Clone, Debug)]
+pub struct SweepStep {
+    /// The number of frames so far.
+    pub frames: usize,
+    /// The place of this one to the right of the centre, in baselines.
+    pub place: f64,
+    /// The frame.
+    pub image: GrayImage,
+    /// The disparities that are known by then.
+    pub disparities: DisparityMap,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct EncodedStep {
+    frames: usize,
+    place: f64,
+    gray: String,
+    disparities: String,
 }
 
 /// A map as the page takes it: see [`ViewedScene::encoded`].
@@ -78,6 +102,7 @@ impl ViewedScene {
             color: None,
             truth: None,
             maps: Vec::new(),
+            sweep: Vec::new(),
             left_out: Vec::new(),
             true_disparities: None,
             aim: Aim::default(),
@@ -110,6 +135,17 @@ impl ViewedScene {
         let aim = scene.aim;
         scene.frames.extend(frames.views().iter().filter_map(|view| encoded(frames, Frame::View(view), aim)));
         scene
+    }
+
+    /// Adds the steps of a sweep.
+    pub fn with_sweep(self, steps: &[SweepStep]) -> ViewedScene {
+        let encoded = |SweepStep { frames, place, image, disparities }: &SweepStep| EncodedStep {
+            frames: *frames,
+            place: *place,
+            gray: compact::gray(image, self.aim),
+            disparities: compact::disparities(disparities, self.aim),
+        };
+        ViewedScene { sweep: steps.par_iter().map(encoded).collect(), ..self }
     }
 
     /// Adds the true disparities, not finite where unknown.
@@ -287,7 +323,6 @@ impl BlockCosts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::GrayImage;
     use multiscopic::images::Raster;
     use multiscopic_core::{Disparity, Fusion, SearchConfig, Views};
 

@@ -10,18 +10,19 @@ use crate::{
 };
 
 /// The tests and what they need, in `tests/page`.
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "package.json",
     "package-lock.json",
     ".npmrc",
     "browser.mjs",
     "page.test.mjs",
     "large.test.mjs",
+    "sweep.test.mjs",
     "live.test.mjs",
     "foxglove.test.mjs",
 ];
 
-/// Makes the page of the demo, and tests it, the live view of the demo, how fast the page of a large rig is, and what is published for
+/// Makes the page of the demo, and tests it, that of a sweep, the live view of the demo, how fast the page of a large rig is, and what is published for
 /// Foxglove. The screenshots stay in `target/page/screenshots`.
 pub fn run_tests() -> Result<()> {
     let (browser, node, npm) = (tools::CHROMIUM.install()?, tools::NODE.install()?, tools::NPM.install()?);
@@ -40,6 +41,14 @@ pub fn run_tests() -> Result<()> {
     let outputs = folder.join("outputs");
     let _ = fs::remove_dir_all(&outputs);
     fs::create_dir(&outputs).with_context(|| format!("cannot make {}", outputs.display()))?;
+    let sweep = folder.join("sweep");
+    let _ = fs::remove_dir_all(&sweep);
+    let slide = ["capture", "--camera", "sim", "--stage", "sim", "--size", "160x120", "--sweep", "40", "--speed", "40", "-o"];
+    run(command(&program.to_string_lossy(), slide).arg(&sweep))?;
+    let page = sweep.join("page.html");
+    run(command(&program.to_string_lossy(), ["match"]).arg(&sweep).arg("--report").arg(&page))?;
+    let mut test = node.command(&["sweep.test.mjs"])?;
+    run(test.current_dir(&folder).arg(browser.path()).arg(&page).arg(&sweep).arg(&screenshots))?;
     let mut test = node.command(&["live.test.mjs"])?;
     run(test.current_dir(&folder).arg(browser.path()).arg(&program).arg(&demo).arg(&outputs).arg(&screenshots))?;
     let mut test = node.command(&["foxglove.test.mjs"])?;

@@ -7,6 +7,7 @@ import { INVALID, bytes, depth, disparities, palette } from "viewer/numbers.js";
 import { Panes } from "viewer/panes.js";
 import { sceneCharts } from "viewer/plots.js";
 import { showReadout, valuesAt } from "viewer/readout.js";
+import { showSlice, stripe } from "viewer/slice.js";
 
 const byId = (id) => document.getElementById(id);
 const page = JSON.parse(byId("viewer-data").textContent);
@@ -28,7 +29,7 @@ const scale = new Scale(palettes, () => {
   update();
 });
 const panes = new Panes([byId("pane-first"), byId("pane-second")], {
-  onCursor: (cursor) => showReadout(scene, cursor, currentMap()),
+  onCursor: () => showPixel(),
   onDivide: (percent) => divide(percent),
   onSwap: () => swap(),
 });
@@ -37,9 +38,18 @@ const cloud = new Cloud(byId("cloud"), (places) => {
 });
 
 const mode = () => document.querySelector("input[name=mode]:checked").value;
+// The step of a sweep that is shown.
+const step = () => Number(byId("step").value);
 const layerOf = (id) => scene.layers.find((layer) => layer.id === id);
 // The map whose costs are shown: the first that is on show, else the best.
 const currentMap = () => layerOf(choice.first)?.map ?? layerOf(choice.second)?.map ?? scene.maps[0];
+
+// What is known of the pixel under the cursor.
+function showPixel() {
+  if (!panes.cursor) return;
+  showReadout(scene, panes.cursor, currentMap());
+  showSlice(scene, panes.cursor, layerOf(choice.first)?.id === "sweep-map" ? scene.sweep[step()] : currentMap(), step());
+}
 
 async function decodeMap(raw, width) {
   return {
@@ -55,18 +65,19 @@ async function decode(raw) {
   const maps = await Promise.all(raw.maps.map((map) => decodeMap(map, width)));
   if (maps.every((map) => map.metrics)) maps.sort((a, b) => a.metrics.avg_err - b.metrics.avg_err);
   const truth = raw.truth && (await disparities(raw.truth, width));
+  const sweep = await Promise.all(raw.sweep.map(async (step) => ({ ...step, gray: await bytes(step.gray, width), bits: await disparities(step.disparities, width) })));
   let color = null;
   if (raw.color) {
     color = new Image();
     color.src = raw.color;
     await color.decode();
   }
-  const decoded = { ...raw, width, height, frames, maps, truth, color };
+  const decoded = { ...raw, width, height, frames, maps, truth, sweep, color };
   decoded.layers = layersOf(decoded);
   return decoded;
 }
 
-function layersOf({ frames, maps, truth, geometry }) {
+function layersOf({ frames, maps, truth, sweep, geometry }) {
   const layers = [];
   maps.forEach((map, k) => layers.push({ id: `disparity-${k}`, name: map.name, group: "Disparity", kind: "disparity", map, bits: map.bits }));
   if (truth) layers.push({ id: "truth", name: "truth", group: "Disparity", kind: "disparity", bits: truth });
@@ -77,6 +88,11 @@ function layersOf({ frames, maps, truth, geometry }) {
     layers.push({ id: `confidence-${maps.indexOf(map)}`, name: `confidence of ${map.name}`, group: "Confidence", kind: "confidence", map });
   });
   if (truth) maps.forEach((map, k) => layers.push({ id: `error-${k}`, name: `error of ${map.name}`, group: "Errors", kind: "error", map }));
+  if (sweep.length) {
+    const last = sweep.at(-1);
+    layers.push({ id: "sweep-map", name: "filter, frame by frame", group: "Sweep", kind: "disparity", bits: last.bits });
+    layers.push({ id: "sweep-frame", name: "frames", group: "Sweep", kind: "picture", frame: { gray: last.gray, view: [last.place, 0] } });
+  }
   return layers;
 }
 
@@ -147,6 +163,7 @@ function show(decoded) {
   scene.layers.forEach((layer) => {
     layer.canvas = null;
   });
+  Object.assign(byId("step"), { max: Math.max(0, scene.sweep.length - 1), value: scene.sweep.length });
   showAround();
   panes.moveCursor([Math.floor(scene.width / 2), Math.floor(scene.height / 2)]);
 }
@@ -186,7 +203,7 @@ export async function showMap(raw) {
   if (!hadMap) choice.first = scene.layers[0].id;
   if (!scale.isDragged) scale.reset(fullRanges(), scene.geometry);
   showAround();
-  if (panes.cursor) showReadout(scene, panes.cursor, currentMap());
+  showPixel();
 }
 
 function making() {
@@ -245,6 +262,14 @@ function divide(percent) {
   panes.draw();
 }
 
+// Shows another step of the sweep.
+function goToStep() {
+  const shown = scene.sweep[step()];
+  const update = (id, values) => Object.assign(layerOf(id), values, { canvas: null });
+  update("sweep-map", { bits: shown.bits });
+  update("sweep-frame", { frame: { gray: shown.gray, view: [shown.place, 0] } });
+}
+
 function swap() {
   isSwapped = !isSwapped;
   update();
@@ -259,6 +284,11 @@ function update() {
   byId("panes").hidden = isCloud;
   byId("panes").classList.toggle("beside", now === "beside");
   byId("pane-second").hidden = now !== "beside";
+  byId("step-choice").hidden = !scene.sweep.length || isCloud;
+  if (scene.sweep.length) {
+    const { frames, place } = scene.sweep[step()];
+    byId("step-text").textContent = `${frames} frames, the last ${Math.abs(place).toFixed(2)} baselines to the ${place < 0 ? "left" : "right"}`;
+  }
   byId("cloud").hidden = !isCloud;
   byId("picture-help").hidden = isCloud;
   byId("cloud-help").hidden = !isCloud;
@@ -286,11 +316,16 @@ for (const name of ["first", "second"]) {
   byId(name).addEventListener("change", (event) => {
     choice[name] = event.target.value;
     update();
-    if (panes.cursor) showReadout(scene, panes.cursor, currentMap());
+    showPixel();
   });
 }
 document.querySelectorAll("input[name=mode]").forEach((input) => input.addEventListener("change", update));
 byId("divider").addEventListener("input", (event) => divide(Number(event.target.value)));
+byId("step").addEventListener("input", () => {
+  goToStep();
+  update();
+  showPixel();
+});
 const zoom = (factor) => (mode() === "cloud" ? cloud : panes).zoomBy(factor);
 byId("zoom-in").addEventListener("click", () => zoom(1.5));
 byId("zoom-out").addEventListener("click", () => zoom(1 / 1.5));
@@ -299,7 +334,7 @@ byId("scene").replaceChildren(...page.scenes.map((each, index) => new Option(eac
 byId("scene-choice").hidden = page.scenes.length < 2;
 byId("scene").addEventListener("change", (event) => open(Number(event.target.value)));
 // For whoever wants to look deeper, from the browser's console.
-window.multiscopic = { valuesAt: (u, v) => valuesAt(scene, [u, v]), costsAt: (u, v) => costsAt(scene, currentMap().costs, [u, v]), panes, cloud, current: () => scene };
+window.multiscopic = { valuesAt: (u, v) => valuesAt(scene, [u, v]), costsAt: (u, v) => costsAt(scene, currentMap().costs, [u, v]), stripe: (u, disparity) => stripe(scene, u, disparity), panes, cloud, current: () => scene };
 
 // Shows the first scene of the page.
 export async function openFirst() {

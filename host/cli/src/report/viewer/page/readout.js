@@ -60,7 +60,8 @@ function row(cells, tag) {
   return line;
 }
 
-function whyNoCosts({ frames, left_out }) {
+function whyNoCosts({ frames, left_out, sweep }) {
+  if (sweep.length) return "No costs: each frame of a sweep refines what those before it found.";
   if (left_out.includes("neighbors")) return "No costs: the neighbours' pictures are left out, to keep the page small.";
   if (frames.length > 1) return "No costs: the pictures are at other baselines than the disparities.";
   return "No costs: they are computed from the pictures of a rig, which are not part of this page.";

@@ -32,6 +32,7 @@ use crate::{
 /// repeatability_mm = 0.02         # the most by which a move misses its target
 /// rotation_deg = 0.05             # the most by which a move turns the camera about each axis
 /// stalls_at_move = 6              # the move on which it gets stuck; without, it never does
+/// silent = true                   # it does not tell where it is
 ///
 /// [camera]                        # how it takes frames while it moves
 /// frames_per_s = 15.0
@@ -171,6 +172,7 @@ mod tests {
             repeatability_mm: 0.02,
             rotation_deg: 0.05,
             stalls_at_move: Some(6),
+            is_silent: true,
         };
         assert_eq!(found.stage, stage);
         assert_eq!((found.camera.delay_ms, found.camera.drops_every), (35.0, Some(10)));

@@ -1,18 +1,23 @@
 //! Sweeps: the camera runs free while the stage slides it from one end of a line to the other, and back.
 
 use std::{
-    error,
+    error, mem,
     sync::atomic::{AtomicUsize, Ordering},
     time::{Duration, Instant, SystemTime},
 };
 
 use multiscopic_core::capture::{CaptureError, Policy, Position};
 
-use super::{Clock, POLL_INTERVAL, stage::PosedStage};
+use super::{
+    Clock, POLL_INTERVAL,
+    stage::{PosedStage, Tracking},
+};
 use crate::{error::Error, files::FramePose, images::Picture};
 
 /// The time for which frames are taken beyond the end of a way: those that were exposed before it arrive later.
 const LINGER: Duration = Duration::from_millis(500);
+/// The share by which the speed of a stage that tells no places may be off.
+const SPEED_TOLERANCE: f64 = 0.1;
 /// The time around a moment in which places are averaged, to both sides, in seconds: stages report them late and unevenly.
 const WINDOW_S: f64 = 0.05;
 
@@ -62,6 +67,26 @@ impl Track {
     /// Adds a place in millimetres at a time in seconds, which does not go back.
     pub fn add(&mut self, seconds: f64, mm: f64) {
         self.0.push([seconds, mm]);
+    }
+
+    /// The places of a move between two rests, each a time and a place, while its speed in mm/s is constant: the ramps at both ends
+    /// are even, and take what time the way does not. Empty if they take all of it.
+    fn planned([from, to]: [[f64; 2]; 2], speed: f64) -> Track {
+        let (seconds, way) = (to[0] - from[0], to[1] - from[1]);
+        let at_speed = way.abs() / speed;
+        let half = at_speed - seconds / 2.0;
+        let [time, mm] = [0, 1].map(|axis| (from[axis] + to[axis]) / 2.0);
+        let count = (half / WINDOW_S).ceil().max(0.0) as i32;
+        let place = |n: i32| {
+            let since = half * f64::from(n) / f64::from(count);
+            [time + since, mm + way.signum() * speed * since]
+        };
+        Track(if count > 0 { (-count..=count).map(place).collect() } else { Vec::new() })
+    }
+
+    /// True if a time in seconds is between those of the first place and the last.
+    pub fn spans(&self, seconds: f64) -> bool {
+        self.0.first().zip(self.0.last()).is_some_and(|(first, last)| (first[0]..=last[0]).contains(&seconds))
     }
 
     /// The place at a time in seconds, by a straight line through the places nearby, or the first or the last place beyond them. NaN
@@ -148,30 +173,49 @@ where
     S: PosedStage<Error: error::Error + Send + Sync + 'static>,
     C: FreeCamera<Error: error::Error + Send + Sync + 'static>,
 {
-    if !stage.is_tracked() {
+    let tracking = stage.tracking();
+    if tracking == Tracking::None {
         return Err(Error::Usage(
-            "this stage does not tell where it is while it moves, which a sweep needs: take a simulated stage, an arm or a machine with \
-             Grbl, or stop for each view"
+            "nobody knows where this stage is while it moves, which a sweep needs: take an arm, a machine with Grbl, a command by exec: or \
+             a simulated stage, or stop for each view"
                 .into(),
         ));
     }
     let (handled, start) = (interrupts.load(Ordering::Relaxed), clock.now());
-    let mut run = Run { clock, stage, camera, policy, interrupts, handled, start, observe };
+    let mut run = Run { clock, stage, tracking, place_um: 0, camera, policy, interrupts, handled, start, observe };
     let began = SystemTime::now();
     let taken = run.take(length_um as i32 / 2);
     run.camera.end();
-    taken
-        .map(|((center, pose), passes, failure)| {
-            let failure = failure.map(|error| Error::Capture { frame: None, source: Box::new(error) });
-            SweptFrames { center, pose, passes, began, failure }
-        })
-        .map_err(|error| Error::Capture { frame: None, source: Box::new(run.stopped(error)) })
+    let ((center, pose), durations, passes, failure) =
+        taken.map_err(|error| Error::Capture { frame: None, source: Box::new(run.stopped(error)) })?;
+    if let Tracking::Planned(speed) = tracking {
+        check_speed(speed, f64::from(length_um) / 1000.0, durations)?;
+    }
+    let failure = failure.map(|error| Error::Capture { frame: None, source: Box::new(error) });
+    Ok(SweptFrames { center, pose, passes, began, failure })
+}
+
+/// Refuses a sweep of a stage that does not have the speed that it was given, by the times in seconds that it took for half of the
+/// length and for all of it: the ramps and the delays of both are the same.
+fn check_speed(speed: f64, length_mm: f64, [half, whole]: [f64; 2]) -> Result<(), Error> {
+    let found = length_mm / 2.0 / (whole - half);
+    if (found / speed - 1.0).abs() <= SPEED_TOLERANCE {
+        return Ok(());
+    }
+    let found = if found > 0.0 && found.is_finite() { format!("slid at {found:.1} mm/s") } else { "took no time".into() };
+    Err(Error::Usage(format!(
+        "the stage {found} where {speed} mm/s were asked for, and tells no places, so that those of the frames are not known: give a \
+         --speed that it has, or a longer --sweep"
+    )))
 }
 
 /// A sweep under way.
 struct Run<'a, S, C, F> {
     clock: &'a dyn Clock,
     stage: &'a mut S,
+    tracking: Tracking,
+    /// The place to which it was sent last, to the right of the centre.
+    place_um: i32,
     camera: &'a mut C,
     policy: Policy,
     interrupts: &'a AtomicUsize,
@@ -182,14 +226,14 @@ struct Run<'a, S, C, F> {
 }
 
 type Failure<S, C> = CaptureError<<S as multiscopic_core::capture::Stage>::Error, <C as FreeCamera>::Error>;
-type Taken<S, C> = ((Picture, FramePose), [SweepPass; 2], Option<Failure<S, C>>);
+type Taken<S, C> = ((Picture, FramePose), [f64; 2], [SweepPass; 2], Option<Failure<S, C>>);
 
 impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
     fn take(&mut self, half_um: i32) -> Result<Taken<S, C>, Failure<S, C>> {
         let camera = |error| CaptureError::Camera { index: 0, error };
         self.camera.begin().map_err(camera)?;
         self.say("capturing the centre frame");
-        let mut at_rest = self.travel(0, true)?;
+        let (mut at_rest, _) = self.travel(0, true)?;
         let (_, center) = at_rest.frames.pop().expect("a way lasts until there is a frame");
         let counted = self.stage.position().map_err(CaptureError::Stage)?;
         let pose = FramePose {
@@ -199,11 +243,11 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
             measured: self.stage.pose().map_err(CaptureError::Stage)?,
         };
         self.say("moving to the left end");
-        self.travel(-half_um, false)?;
+        let (_, half) = self.travel(-half_um, false)?;
         self.say("sweeping to the right");
-        let there = self.travel(half_um, true)?;
+        let (there, whole) = self.travel(half_um, true)?;
         self.say("sweeping back");
-        let back = self.travel(-half_um, true)?;
+        let (back, _) = self.travel(-half_um, true)?;
         self.say("returning to the centre");
         let failure = if self.policy.return_to_center { self.travel(0, false).err() } else { None };
         if failure.is_some() {
@@ -211,7 +255,7 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
             let _ = self.stage.stop();
         }
         self.say("done");
-        Ok(((center, pose), [there, back], failure))
+        Ok(((center, pose), [half, whole], [there, back], failure))
     }
 
     fn say(&mut self, step: &str) {
@@ -222,10 +266,12 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
         at.saturating_duration_since(self.start).as_secs_f64()
     }
 
-    /// Moves to a place until the stage has stood there for a while, and keeps the frames or drops them: at least one.
-    fn travel(&mut self, x_um: i32, is_kept: bool) -> Result<SweepPass, Failure<S, C>> {
+    /// Moves to a place until the stage has stood there for a while, and keeps the frames or drops them: at least one. Returns the
+    /// seconds until it arrived, too.
+    fn travel(&mut self, x_um: i32, is_kept: bool) -> Result<(SweepPass, f64), Failure<S, C>> {
         self.stage.move_to(Position { x_um, y_um: 0 }).map_err(CaptureError::Stage)?;
         let mut pass = SweepPass::default();
+        let from_um = mem::replace(&mut self.place_um, x_um);
         let (begun, mut arrived) = (self.clock.now(), None);
         let (mut count, mut last_frame) = (0, begun);
         loop {
@@ -233,7 +279,10 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
                 return Err(CaptureError::Aborted);
             }
             let before = self.clock.now();
-            let place = self.stage.position().map_err(CaptureError::Stage)?;
+            let place = match self.tracking {
+                Tracking::Measured => self.stage.position().map_err(CaptureError::Stage)?,
+                Tracking::Planned(_) | Tracking::None => None,
+            };
             let now = self.clock.now();
             if let Some(Position { x_um, .. }) = place {
                 pass.track.add(self.seconds(before + (now - before) / 2), f64::from(x_um) / 1000.0);
@@ -256,7 +305,14 @@ impl<S: PosedStage, C: FreeCamera, F: FnMut(Duration, &str)> Run<'_, S, C, F> {
                 arrived = Some(now);
             }
             match arrived {
-                Some(since) if now - since >= LINGER.max(self.policy.settle) && count > 0 => return Ok(pass),
+                Some(since) if now - since >= LINGER.max(self.policy.settle) && count > 0 => {
+                    if let Tracking::Planned(speed) = self.tracking {
+                        let [from, to] =
+                            [(begun, from_um), (since, x_um)].map(|(at, um)| [self.seconds(at), f64::from(um) / 1000.0]);
+                        pass.track = Track::planned([from, to], speed);
+                    }
+                    return Ok((pass, (since - begun).as_secs_f64()));
+                }
                 None if now - begun > self.policy.move_timeout => {
                     return Err(CaptureError::MoveTimeout { after: self.policy.move_timeout });
                 }
@@ -371,6 +427,59 @@ mod tests {
         assert!(place.x_um.abs() < 19_000, "{place:?}");
     }
 
+    #[test]
+    fn a_stage_that_tells_no_places_is_where_its_speed_puts_it() {
+        let taken = |speed_mm_s: f64, told: f64| {
+            let clock = SteppedClock::new();
+            let limits = Limits { speed_mm_s, acceleration_mm_s2: 100.0, ..Limits::default() };
+            let silent = StageImperfections { is_silent: true, ..StageImperfections::default() };
+            let stage = SimulatedStage::with_clock(&limits, silent, clock.clone()).unwrap();
+            let (mut stage, mut camera) = (Told(stage, told), Eye(clock.clone(), clock.now()));
+            let interrupts = AtomicUsize::new(0);
+            acquire_sweep(&*clock, &mut stage, &mut camera, 40_000, Policy::default(), &interrupts, |_, _| ())
+        };
+        for pass in taken(20.0, 20.0).unwrap().passes {
+            // 1.8 s between ramps of 0.2 s, in the middle of the way.
+            let [from, to] = pass.track.cruise().unwrap();
+            assert!((to - from - 1.8).abs() < 0.03, "{from} to {to}");
+            let (start, end) = (pass.track.at(from), pass.track.at(to));
+            assert!((start + end).abs() < 1e-6 && ((end - start).abs() - 36.0).abs() < 0.5, "{start} to {end}");
+            assert!(pass.track.spans(from) && !pass.track.spans(from - 0.1) && !pass.track.spans(to + 0.1));
+        }
+        let refusal = taken(10.0, 20.0).unwrap_err().to_string();
+        assert!(refusal.starts_with("the stage slid at 10.0 mm/s where 20 mm/s were asked for"), "{refusal}");
+        assert!(check_speed(20.0, 40.0, [1.0, 1.0]).unwrap_err().to_string().contains("took no time"));
+    }
+
+    /// A stage that claims another speed.
+    struct Told(SimulatedStage, f64);
+
+    impl Stage for Told {
+        type Error = StageError;
+
+        fn move_to(&mut self, position: Position) -> Result<(), StageError> {
+            self.0.move_to(position)
+        }
+
+        fn has_arrived(&mut self) -> Result<bool, StageError> {
+            self.0.has_arrived()
+        }
+
+        fn position(&mut self) -> Result<Option<Position>, StageError> {
+            self.0.position()
+        }
+
+        fn stop(&mut self) -> Result<(), StageError> {
+            self.0.stop()
+        }
+    }
+
+    impl PosedStage for Told {
+        fn tracking(&self) -> Tracking {
+            Tracking::Planned(self.1)
+        }
+    }
+
     /// A stage that cannot tell where it is.
     struct Blind;
 
@@ -401,7 +510,7 @@ mod tests {
         let clock = SteppedClock::new();
         let (mut camera, interrupts) = (Eye(clock.clone(), clock.now()), AtomicUsize::new(0));
         let taken = acquire_sweep(&*clock, &mut Blind, &mut camera, 40_000, Policy::default(), &interrupts, |_, _| ());
-        assert!(taken.unwrap_err().to_string().contains("does not tell where it is while it moves"));
+        assert!(taken.unwrap_err().to_string().contains("nobody knows where this stage is while it moves"));
     }
 
     /// A trapezoid of 40 mm at 20 mm/s, with ramps of 0.2 s, seen every 8 ms, to the micrometre.

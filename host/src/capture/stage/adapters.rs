@@ -4,7 +4,7 @@ use multiscopic_core::capture::{Position, Stage};
 
 use super::{
     error::StageError,
-    posed::PosedStage,
+    posed::{PosedStage, Tracking},
     simulated::{SimulatedPlace, StagePose},
 };
 use crate::images::Transform;
@@ -52,8 +52,8 @@ impl<S: Stage> Stage for TurnedStage<S> {
 }
 
 impl<S: PosedStage> PosedStage for TurnedStage<S> {
-    fn is_tracked(&self) -> bool {
-        self.stage.is_tracked()
+    fn tracking(&self) -> Tracking {
+        self.stage.tracking()
     }
 
     fn pose(&mut self) -> Result<Option<Transform>, S::Error> {
@@ -107,8 +107,8 @@ impl<S: Stage> Stage for FollowedStage<S> {
 }
 
 impl<S: PosedStage> PosedStage for FollowedStage<S> {
-    fn is_tracked(&self) -> bool {
-        self.stage.is_tracked()
+    fn tracking(&self) -> Tracking {
+        self.stage.tracking()
     }
 
     fn pose(&mut self) -> Result<Option<Transform>, S::Error> {
@@ -147,8 +147,8 @@ impl Stage for AnyStage {
 }
 
 impl PosedStage for AnyStage {
-    fn is_tracked(&self) -> bool {
-        self.0.is_tracked()
+    fn tracking(&self) -> Tracking {
+        self.0.tracking()
     }
 
     fn pose(&mut self) -> Result<Option<Transform>, StageError> {

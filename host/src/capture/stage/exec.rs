@@ -15,7 +15,11 @@ use std::{
 
 use multiscopic_core::capture::{Position, Stage};
 
-use super::{error::StageError, limits::Limits, posed::PosedStage};
+use super::{
+    error::StageError,
+    limits::Limits,
+    posed::{PosedStage, Tracking},
+};
 use crate::{
     capture::{
         Clock, SystemClock,
@@ -156,6 +160,11 @@ impl<P: Read + Write> Stage for ExecStage<P> {
 }
 
 impl<P: Read + Write> PosedStage for ExecStage<P> {
+    /// It is told its speed, and does not answer while it moves.
+    fn tracking(&self) -> Tracking {
+        Tracking::Planned(self.limits.speed_mm_s)
+    }
+
     fn pose(&mut self) -> Result<Option<Transform>, StageError> {
         self.whereabouts().map(|(_, pose)| pose)
     }

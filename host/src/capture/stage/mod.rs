@@ -40,7 +40,7 @@ pub use error::{SafetyMode, StageError};
 pub use limits::Limits;
 pub use manual::ManualStage;
 pub use pose_reader::PoseReader;
-pub use posed::PosedStage;
+pub use posed::{PosedStage, Tracking};
 pub use robot_arm::{Arm, ArmAddress};
 pub use simulated::{SimulatedPlace, SimulatedStage, StageImperfections, StagePose};
 

@@ -15,9 +15,19 @@ pub trait PosedStage: Stage {
         Ok(None)
     }
 
-    /// Returns true if a move has a constant speed but for its ramps, and [`Stage::position`] tells where the stage is meanwhile:
-    /// what a sweep needs.
-    fn is_tracked(&self) -> bool {
-        false
+    /// Returns the way in which its place is known while it moves, which a sweep needs.
+    fn tracking(&self) -> Tracking {
+        Tracking::None
     }
+}
+
+/// The way in which the place of a stage is known while it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tracking {
+    /// It is not: the stage may stop on its way, or its speed is not known.
+    None,
+    /// [`Stage::position`] tells it.
+    Measured,
+    /// By time: a move has this speed in mm/s, but for even ramps at both ends.
+    Planned(f64),
 }

@@ -9,7 +9,11 @@ use fastrand::Rng;
 use multiscopic_core::capture::{Position, Stage};
 use serde::Deserialize;
 
-use super::{error::StageError, limits::Limits, posed::PosedStage};
+use super::{
+    error::StageError,
+    limits::Limits,
+    posed::{PosedStage, Tracking},
+};
 use crate::{
     capture::{Clock, SystemClock},
     images::Transform,
@@ -53,6 +57,9 @@ pub struct StageImperfections {
     pub rotation_deg: f64,
     /// The move on which it gets stuck halfway. The first is the one to the centre.
     pub stalls_at_move: Option<u32>,
+    /// True if it does not tell where it is.
+    #[serde(rename = "silent")]
+    pub is_silent: bool,
 }
 
 /// The time for which a stage must stand still to count as stuck.
@@ -67,6 +74,7 @@ impl Default for StageImperfections {
             repeatability_mm: 0.0,
             rotation_deg: 0.0,
             stalls_at_move: None,
+            is_silent: false,
         }
     }
 }
@@ -200,7 +208,8 @@ impl Stage for SimulatedStage {
     }
 
     fn position(&mut self) -> Result<Option<Position>, StageError> {
-        Ok(Some(self.measured()))
+        let measured = self.measured();
+        Ok((!self.errors.is_silent).then_some(measured))
     }
 
     fn stop(&mut self) -> Result<(), StageError> {
@@ -214,8 +223,8 @@ impl Stage for SimulatedStage {
 /// It measures what an arm does, in the frame of the place where it was opened: where its drives are, and by how much a move missed
 /// its target and turned the camera. Play, and axes that are skew or of another scale, it does not notice.
 impl PosedStage for SimulatedStage {
-    fn is_tracked(&self) -> bool {
-        true
+    fn tracking(&self) -> Tracking {
+        if self.errors.is_silent { Tracking::Planned(self.limits.speed_mm_s) } else { Tracking::Measured }
     }
 
     fn pose(&mut self) -> Result<Option<Transform>, StageError> {

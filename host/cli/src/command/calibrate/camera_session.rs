@@ -97,7 +97,11 @@ impl CameraSession<'_> {
                     Some(file) => Imperfections::read(file)?.lens,
                     None => None,
                 };
-                let size = lens.and_then(|lens| lens.size).unwrap_or(SIMULATED_SIZE);
+                let asked = settings.settings().size.map(|size| size.map(|side| side as usize));
+                let size = asked.or(lens.and_then(|lens| lens.size)).unwrap_or(SIMULATED_SIZE);
+                if let (Some(lens), Some(path)) = (&lens, file) {
+                    lens.check_size(path, size)?;
+                }
                 let pinhole = CameraModel {
                     size: Some(size),
                     focal_px: [SIMULATED_FOCAL * size[0] as f64; 2],

@@ -242,8 +242,11 @@ fn dropped(taken: &SweptFrames) -> usize {
 /// The frames that were taken between the ends, with their places.
 fn placed(taken: &SweptFrames, delay: Delay, half_mm: f64) -> Vec<(SweepFrame, &Picture)> {
     let frames = taken.passes.iter().flat_map(|pass| pass.frames.iter().map(move |(time, picture)| (pass, time, picture)));
-    let frames = frames.map(|(pass, time, picture)| (time - delay.seconds, pass.track.at(time - delay.seconds), picture));
-    let moving = frames.filter(|(time, mm, _)| mm.abs() <= AT_END * half_mm && *time > 0.0);
+    let frames = frames.map(|(pass, time, picture)| (pass, time - delay.seconds, picture));
+    let moving = frames.filter(|(_, time, _)| *time > 0.0).filter_map(|(pass, time, picture)| {
+        let mm = pass.track.at(time);
+        (pass.track.spans(time) && mm.abs() <= AT_END * half_mm).then_some((time, mm, picture))
+    });
     let named = moving.zip(1..).map(|((time, mm, picture), number)| {
         let exposed = Some(taken.began + Duration::from_secs_f64(time));
         let image = format!("{number:03}.png").into();

@@ -17,7 +17,7 @@ use super::line_port::{LinePort, distance, linear_move, parse_coordinate, to_mac
 use crate::capture::stage::{
     error::StageError,
     limits::{Limits, StallTimer},
-    posed::PosedStage,
+    posed::{PosedStage, Tracking},
 };
 
 /// The distance from its target at which the machine has arrived, in millimetres: a few steps of a coarse machine.
@@ -104,8 +104,8 @@ impl<P: Read + Write> Stage for Grbl<P> {
 }
 
 impl<P: Read + Write> PosedStage for Grbl<P> {
-    fn is_tracked(&self) -> bool {
-        true
+    fn tracking(&self) -> Tracking {
+        Tracking::Measured
     }
 }
 

@@ -17,7 +17,7 @@ use multiscopic_core::capture::{Position, Stage};
 use super::{
     error::StageError,
     limits::{Limits, StallTimer},
-    posed::PosedStage,
+    posed::{PosedStage, Tracking},
 };
 use crate::{
     capture::{Clock, SystemClock},
@@ -194,8 +194,8 @@ impl Stage for Arm {
 }
 
 impl PosedStage for Arm {
-    fn is_tracked(&self) -> bool {
-        true
+    fn tracking(&self) -> Tracking {
+        Tracking::Measured
     }
 
     fn pose(&mut self) -> Result<Option<Transform>, StageError> {

@@ -141,7 +141,7 @@ fn told(n: usize, there: Way<'_>, back: Way<'_>, smaller: &[Vec<u8>]) -> Vec<Tol
             *(if ahead(half) > 0.0 { &mut least } else { &mut most }) = half;
         }
         // Beyond the track nobody knows the place.
-        let is_known = there.track.spans(time - least) && outer.iter().all(|(time, _)| back.track.spans(time - least));
+        let is_known = there.track.knows(time - least) && outer.iter().all(|(time, _)| back.track.knows(time - least));
         let seconds_per_pixel = between / motion.abs();
         is_known.then_some(Told { frame: n, row: row - middle, delay: least, weight: motion * motion, seconds_per_pixel })
     };

@@ -61,12 +61,17 @@ pub struct Arrival {
 
 /// Places of a stage, with their times.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Track(Vec<[f64; 2]>);
+pub struct Track {
+    /// Seconds and millimetres.
+    places: Vec<[f64; 2]>,
+    /// True if it moves before the first place and after the last one.
+    is_part: bool,
+}
 
 impl Track {
     /// Adds a place in millimetres at a time in seconds, which does not go back.
     pub fn add(&mut self, seconds: f64, mm: f64) {
-        self.0.push([seconds, mm]);
+        self.places.push([seconds, mm]);
     }
 
     /// The places of a move between two rests, each a time and a place, while its speed in mm/s is constant: the ramps at both ends
@@ -81,24 +86,25 @@ impl Track {
             let since = half * f64::from(n) / f64::from(count);
             [time + since, mm + way.signum() * speed * since]
         };
-        Track(if count > 0 { (-count..=count).map(place).collect() } else { Vec::new() })
+        Track { places: if count > 0 { (-count..=count).map(place).collect() } else { Vec::new() }, is_part: true }
     }
 
-    /// True if a time in seconds is between those of the first place and the last.
-    pub fn spans(&self, seconds: f64) -> bool {
-        self.0.first().zip(self.0.last()).is_some_and(|(first, last)| (first[0]..=last[0]).contains(&seconds))
+    /// True if the place at a time in seconds is known: before the first place and after the last one if it rests there.
+    pub fn knows(&self, seconds: f64) -> bool {
+        let ends = self.places.first().zip(self.places.last());
+        ends.is_some_and(|(first, last)| !self.is_part || (first[0]..=last[0]).contains(&seconds))
     }
 
     /// The place at a time in seconds, by a straight line through the places nearby, or the first or the last place beyond them. NaN
     /// of no places.
     pub fn at(&self, seconds: f64) -> f64 {
-        let (Some([first, _]), Some([last, _])) = (self.0.first(), self.0.last()) else { return f64::NAN };
+        let (Some([first, _]), Some([last, _])) = (self.places.first(), self.places.last()) else { return f64::NAN };
         let seconds = seconds.max(*first).min(*last);
-        let from = self.0.partition_point(|[time, _]| *time < seconds - WINDOW_S);
-        let to = self.0.partition_point(|[time, _]| *time <= seconds + WINDOW_S);
+        let from = self.places.partition_point(|[time, _]| *time < seconds - WINDOW_S);
+        let to = self.places.partition_point(|[time, _]| *time <= seconds + WINDOW_S);
         // At least the two places around it.
-        let around = self.0.partition_point(|[time, _]| *time < seconds);
-        let near = &self.0[from.min(around.saturating_sub(1))..to.max(around + 1).min(self.0.len())];
+        let around = self.places.partition_point(|[time, _]| *time < seconds);
+        let near = &self.places[from.min(around.saturating_sub(1))..to.max(around + 1).min(self.places.len())];
         let mean = |axis: usize| near.iter().map(|place| place[axis]).sum::<f64>() / near.len() as f64;
         let (time, mm) = (mean(0), mean(1));
         let products = |axis: usize, mean: f64| near.iter().map(|place| (place[0] - time) * (place[axis] - mean)).sum::<f64>();
@@ -109,10 +115,10 @@ impl Track {
     /// The times in seconds between which it moves at a constant speed, within a hundredth: where its places change as fast as in
     /// the middle of the way. `None` if that is nowhere.
     pub fn cruise(&self) -> Option<[f64; 2]> {
-        let (first, last) = (self.0.first()?, self.0.last()?);
+        let (first, last) = (self.places.first()?, self.places.last()?);
         let [low, high] = [0.4, 0.6].map(|share| {
             let mm = first[1] + share * (last[1] - first[1]);
-            self.0.iter().find(|place| (place[1] - first[1]).abs() >= (mm - first[1]).abs()).copied()
+            self.places.iter().find(|place| (place[1] - first[1]).abs() >= (mm - first[1]).abs()).copied()
         });
         let (low, high) = (low?, high?);
         let speed = (high[1] - low[1]) / (high[0] - low[0]);
@@ -122,10 +128,11 @@ impl Track {
         // The line that it would follow at this speed.
         let off = |place: &[f64; 2]| (place[1] - low[1] - speed * (place[0] - low[0])).abs();
         let tolerance = 0.01 * (last[1] - first[1]).abs();
-        let middle = self.0.partition_point(|[time, _]| *time < (low[0] + high[0]) / 2.0);
-        let from = self.0[..middle].iter().rposition(|place| off(place) > tolerance).map_or(0, |at| at + 1);
-        let to = self.0[middle..].iter().position(|place| off(place) > tolerance).map_or(self.0.len(), |at| middle + at);
-        Some([self.0.get(from)?[0], self.0.get(to.checked_sub(1)?)?[0]])
+        let middle = self.places.partition_point(|[time, _]| *time < (low[0] + high[0]) / 2.0);
+        let from = self.places[..middle].iter().rposition(|place| off(place) > tolerance).map_or(0, |at| at + 1);
+        let to =
+            self.places[middle..].iter().position(|place| off(place) > tolerance).map_or(self.places.len(), |at| middle + at);
+        Some([self.places.get(from)?[0], self.places.get(to.checked_sub(1)?)?[0]])
     }
 }
 
@@ -444,7 +451,7 @@ mod tests {
             assert!((to - from - 1.8).abs() < 0.03, "{from} to {to}");
             let (start, end) = (pass.track.at(from), pass.track.at(to));
             assert!((start + end).abs() < 1e-6 && ((end - start).abs() - 36.0).abs() < 0.5, "{start} to {end}");
-            assert!(pass.track.spans(from) && !pass.track.spans(from - 0.1) && !pass.track.spans(to + 0.1));
+            assert!(pass.track.knows(from) && !pass.track.knows(from - 0.1) && !pass.track.knows(to + 0.1));
         }
         let refusal = taken(10.0, 20.0).unwrap_err().to_string();
         assert!(refusal.starts_with("the stage slid at 10.0 mm/s where 20 mm/s were asked for"), "{refusal}");

@@ -245,7 +245,7 @@ fn placed(taken: &SweptFrames, delay: Delay, half_mm: f64) -> Vec<(SweepFrame, &
     let frames = frames.map(|(pass, time, picture)| (pass, time - delay.seconds, picture));
     let moving = frames.filter(|(_, time, _)| *time > 0.0).filter_map(|(pass, time, picture)| {
         let mm = pass.track.at(time);
-        (pass.track.spans(time) && mm.abs() <= AT_END * half_mm).then_some((time, mm, picture))
+        (pass.track.knows(time) && mm.abs() <= AT_END * half_mm).then_some((time, mm, picture))
     });
     let named = moving.zip(1..).map(|((time, mm, picture), number)| {
         let exposed = Some(taken.began + Duration::from_secs_f64(time));

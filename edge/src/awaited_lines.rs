@@ -34,9 +34,9 @@ impl<R: Read> AsyncScanlineSource for Streams<R> {
 
 /// The lines of an [`AsyncScanlineSource`] for a matcher, which does not await.
 ///
-/// It holds one line. Where a matcher needs another, it stops without losing anything, the line is awaited, and the matcher goes on.
-/// While a line is awaited, the executor runs other tasks; while one is matched, it does not. Disparities are those of the same lines
-/// from a [`ScanlineSource`], bit for bit.
+/// It holds one line. Where a matcher needs another, it stops without losing anything, the line is awaited, and the matcher
+/// goes on. While a line is awaited, the executor runs other tasks; while one is matched, it does not. Disparities are those
+/// of the same lines from a [`ScanlineSource`], bit for bit.
 ///
 /// ```
 /// use embedded_io_async::{Read, Write};
@@ -44,8 +44,8 @@ impl<R: Read> AsyncScanlineSource for Streams<R> {
 /// use multiscopic_edge::{AwaitedLines, Streams, packet};
 ///
 /// const WIDTH: usize = 96;
-/// const SEARCH: SearchConfig =
-///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(WIDTH as u16, 64) };
+/// const SIZE: SearchConfig = SearchConfig::of_size(WIDTH as u16, 64);
+/// const SEARCH: SearchConfig = SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SIZE };
 /// params!(Match: BlockMatchingParams = SEARCH.block_matching(7));
 ///
 /// /// Reads a frame from each of the streams, and sends its disparities as they become known.

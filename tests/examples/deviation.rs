@@ -1,10 +1,11 @@
 //! Fits the models of standard deviations on made-up scenes: `cargo run --release -p multiscopic-tests --example deviation`.
 //!
-//! Each method matches random scenes of two sizes, in turn with one neighbour, two, four and eight, and with three and four at two
-//! baselines, in the range that the images show; captures of which more than 35 % are wrong are left out, as for the tables of
-//! confidences. The weights of a model are those of the least quantile loss of the logarithm of the error, at 95 %, found by
+//! Each method matches random scenes of two sizes, in turn with one neighbour, two, four and eight, and with three and four at
+//! two baselines, in the range that the images show; captures of which more than 35 % are wrong are left out, as for the tables
+//! of confidences. The weights of a model are those of the least quantile loss of the logarithm of the error, at 95 %, found by
 //! trying each larger and smaller; the factors are then the quantiles themselves, and do not rise with the confidence. What is
-//! known of the stage, its repeatability, is taken out of the errors first: every other scene tells it. Photographs are not used.
+//! known of the stage, its repeatability, is taken out of the errors first: every other scene tells it. Photographs are not
+//! used.
 //!
 //! Prints the models, and the shares of points within two deviations on other scenes, of all and by the number of neighbours.
 //! Arguments: the methods to fit, by default all.

@@ -195,14 +195,14 @@ impl BlockMatchingParams {
         self.block_size as u32 * self.block_size as u32
     }
 
-    /// The largest sum of absolute differences over a block.
-    pub const fn max_block_sum(&self) -> u32 {
-        255 * self.block_area()
+    /// True if sums over a block need 32 bits: the greatest has to be below the 65535 that stands for none.
+    pub const fn has_wide_sums(&self) -> bool {
+        255 * self.block_area() >= u16::MAX as u32
     }
 
     /// The bytes in which sums over a block are kept.
     pub(crate) const fn lane_bytes(&self) -> usize {
-        if self.max_block_sum() < u16::MAX as u32 { size_of::<u16>() } else { size_of::<u32>() }
+        if self.has_wide_sums() { size_of::<u32>() } else { size_of::<u16>() }
     }
 
     /// True if a matcher takes the same loops for `other`.

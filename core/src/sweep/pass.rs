@@ -99,13 +99,20 @@ impl Place {
         (0 <= x && x <= last).then_some(Place { column: (x >> 8) as usize, share: x & 255 })
     }
 
-    /// The centre's grey value less that of the frame at this place, in quarters, rounded to the nearest, halves up.
+    /// The [residual] of a grey value of the centre in a line of the frame. Without a share of the next column, there may be none.
     #[inline(always)]
-    fn residual(self, gray: u8, view: &[u8]) -> i32 {
-        let at = |column: usize| view.get(column).copied().map_or(0, i32::from);
-        let there = at(self.column) * (PIXEL - self.share) + if self.share > 0 { at(self.column + 1) * self.share } else { 0 };
-        (i32::from(gray) * PIXEL - there + 32) >> 6
+    fn residual(self, gray: u8, view: &[u8]) -> i16 {
+        let at = |column: usize| view.get(column).copied().unwrap_or_default();
+        residual(gray, [at(self.column), at(self.column + 1)], self.share)
     }
+}
+
+/// A grey value of the centre less that of the frame between two columns, in quarters, rounded to the nearest, halves up.
+/// `share` is that of the second column, of 256.
+#[inline(always)]
+fn residual(center: u8, [a, b]: [u8; 2], share: i32) -> i16 {
+    let [center, a, b] = [center, a, b].map(i32::from);
+    (((center - a) * PIXEL - (b - a) * share + 32) >> 6) as i16
 }
 
 /// The most lines of a block.
@@ -252,11 +259,10 @@ impl Block<'_> {
         let end = (2 * self.radius).min(self.radius + last.saturating_sub(middle.column)) + 1;
         let columns = mask(first, end);
         // In 16 bits, whose products are in 32.
-        let residual = |[center, a, b]: [u8; 3]| {
-            let [center, a, b] = [center, a, b].map(i32::from);
-            i32::from((((center - a) * PIXEL - (b - a) * middle.share + 32) >> 6) as i16)
+        let square = |center: u8, pair: [u8; 2], weight: i16| {
+            let residual = i32::from(residual(center, pair, middle.share));
+            i32::from((i32::from(weight) * residual) as i16) * residual
         };
-        let square = |residual: i32, weight: i16| i32::from((i32::from(weight) * residual) as i16) * residual;
         let bound = u64::from(limit) * u64::from(weights.sum);
         let (mut cost, mut sums, mut counts) = (Cost { sum: 0, weights: 0 }, [0_i32; CHUNK], [0_i16; CHUNK]);
         for (row, weights) in self.rows.iter().zip(&weights.rows) {
@@ -264,7 +270,7 @@ impl Block<'_> {
             let views: &[u8; CHUNK + 1] = chunk(row.view, PAD + middle.column - self.radius)?;
             if HAS_VECTORS {
                 let weights: [i16; CHUNK] = lanes(|k| weights[k] & columns[k]);
-                sums = lanes(|k| sums[k] + square(residual([centers[k], views[k], views[k + 1]]), weights[k]));
+                sums = lanes(|k| sums[k] + square(centers[k], [views[k], views[k + 1]], weights[k]));
                 counts = lanes(|k| counts[k] + weights[k]);
                 continue;
             }
@@ -272,7 +278,7 @@ impl Block<'_> {
             for ((&center, pair), &weight) in centers.get(first..end)?.iter().zip(views.get(first..=end)?.windows(2)).zip(weights)
             {
                 let &[a, b] = pair else { continue };
-                cost.sum += square(residual([center, a, b]), weight) as u32;
+                cost.sum += square(center, [a, b], weight) as u32;
                 cost.weights += weight as u32;
             }
             if u64::from(cost.sum) >= bound {
@@ -359,7 +365,7 @@ impl FramePass<'_, '_> {
             let shift = scales.shift(disparity);
             (*disparity_out, *shift_out) = (disparity, shift);
             if let Some(place) = Place::of(u, shift, block.width) {
-                *residual_out = place.residual(here, middle_view) as i16;
+                *residual_out = place.residual(here, middle_view);
             }
         }
     }

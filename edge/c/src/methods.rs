@@ -105,10 +105,11 @@ const fn search(views: Views) -> SearchConfig {
     SearchConfig { views, fusion: Fusion::Min, ..SearchConfig::of_size(16, 16) }
 }
 
+// Blocks of 5 stand for all whose sums fit 16 bits.
 macro_rules! methods {
     ($($views:expr, $blocks:ident $paths:ident: $bm:ident $bm_confidence:ident $sgm:ident $sgm_confidence:ident;)+) => {
         $(
-            params!($blocks: BlockMatchingParams = search($views).block_matching(15));
+            params!($blocks: BlockMatchingParams = search($views).block_matching(5));
             params!($paths: SemiGlobalParams = search($views).semi_global(SemiGlobalCost::Sad { block_size: 5 }));
             methods!(@ $blocks, $paths: $bm $bm_confidence $sgm $sgm_confidence);
         )+

@@ -54,6 +54,24 @@ pub trait Loops<'m>: Sized {
     -> NextLine;
 }
 
+/// The lines of a matcher of the core, by its methods of the same names.
+macro_rules! lines_of {
+    ($matcher:ident) => {
+        fn next_line(&mut self, source: &mut Callback, disparities: &mut [Option<Disparity>]) -> NextLine {
+            $matcher::next_line(self, source, disparities)
+        }
+
+        fn next_line_and_peaks(
+            &mut self,
+            source: &mut Callback,
+            disparities: &mut [Option<Disparity>],
+            peaks: &mut [u8],
+        ) -> NextLine {
+            $matcher::next_line_and_peaks(self, source, disparities, peaks)
+        }
+    };
+}
+
 impl<'m, K: Params<BlockMatchingParams>> Loops<'m> for Matcher<'m, Native, Alike<K, BlockMatchingParams>> {
     type Checked = Alike<K, BlockMatchingParams>;
     const TABLE: &'static ConfidenceTable = &ConfidenceTable::BLOCK_MATCHING;
@@ -72,18 +90,7 @@ impl<'m, K: Params<BlockMatchingParams>> Loops<'m> for Matcher<'m, Native, Alike
         Matcher::with_isa(Native::default(), checked, region, memory)
     }
 
-    fn next_line(&mut self, source: &mut Callback, disparities: &mut [Option<Disparity>]) -> NextLine {
-        Matcher::next_line(self, source, disparities)
-    }
-
-    fn next_line_and_peaks(
-        &mut self,
-        source: &mut Callback,
-        disparities: &mut [Option<Disparity>],
-        peaks: &mut [u8],
-    ) -> NextLine {
-        Matcher::next_line_and_peaks(self, source, disparities, peaks)
-    }
+    lines_of!(Matcher);
 }
 
 impl<'m, K: Params<SemiGlobalParams>> Loops<'m> for SemiGlobalMatcher<'m, Native, Alike<K, SemiGlobalParams>> {
@@ -107,18 +114,7 @@ impl<'m, K: Params<SemiGlobalParams>> Loops<'m> for SemiGlobalMatcher<'m, Native
         SemiGlobalMatcher::new(checked, memory)
     }
 
-    fn next_line(&mut self, source: &mut Callback, disparities: &mut [Option<Disparity>]) -> NextLine {
-        SemiGlobalMatcher::next_line(self, source, disparities)
-    }
-
-    fn next_line_and_peaks(
-        &mut self,
-        source: &mut Callback,
-        disparities: &mut [Option<Disparity>],
-        peaks: &mut [u8],
-    ) -> NextLine {
-        SemiGlobalMatcher::next_line_and_peaks(self, source, disparities, peaks)
-    }
+    lines_of!(SemiGlobalMatcher);
 }
 
 /// A pass that computes lines of disparities, some with confidences.

@@ -26,7 +26,8 @@ pub struct LensFile {
     pub views: MeasuredViews,
 }
 
-/// The shift of pixels by turns of the views below which frames of an ideal lens are left as they are: resampling would do more harm.
+/// The shift of pixels by turns of the views below which frames of an ideal lens are left as they are: resampling would do
+/// more harm.
 const NEGLIGIBLE_PX: f64 = 0.05;
 /// The ratio of two focal lengths from which on they contradict each other.
 const CONTRADICTION: f64 = 1.01;
@@ -115,8 +116,9 @@ impl LensFile {
 }
 
 /// Turns the pictures of a camera into those of an ideal one: without distortion, square to its stage, with square pixels, of
-/// the same size and with the horizontal focal length `fx`; views that were turned against the centre are turned back. What the camera shows in the middle of its pictures stays there, so
-/// that the principal point is the same only if the camera is square to its stage.
+/// the same size and with the horizontal focal length `fx`; views that were turned against the centre are turned back. What
+/// the camera shows in the middle of its pictures stays there, so that the principal point is the same only if the camera is
+/// square to its stage.
 ///
 /// Ideal pixels lie between those of the picture and are interpolated by cubic convolution (Keys, 1981).
 #[derive(Clone, Debug)]
@@ -179,7 +181,8 @@ impl Undistortion {
         Transform::rotation(&self.projection.to_camera)
     }
 
-    /// The place of an ideal pixel in the picture of the centre, which may be outside its borders. `None` beyond the range of the lens model.
+    /// The place of an ideal pixel in the picture of the centre, which may be outside its borders. `None` beyond the range of
+    /// the lens model.
     ///
     /// # Panics
     /// If it is outside the ideal picture.

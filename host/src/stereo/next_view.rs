@@ -101,8 +101,8 @@ pub fn gain(ratio: f32) -> usize {
 /// The shares of pixels whose ratio is below those of the table.
 pub const SHARES: [f64; 7] = [0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98];
 
-/// The ratios of deviations after and before a view, as binary logarithms in eighths, by state and [gain]. `cargo run --release -p
-/// multiscopic-tests --example next_view` measures them.
+/// The ratios of deviations after and before a view, as binary logarithms in eighths, by state and [gain].
+/// `cargo run --release -p multiscopic-tests --example next_view` measures them.
 const RATIOS: [[[i8; SHARES.len()]; GAINS]; State::COUNT] = [
     // Unseen
     [
@@ -278,8 +278,8 @@ impl Outlook<'_> {
         seen
     }
 
-    /// The state of each pixel for a candidate, and the class of the candidate's [gain], of which pixels are [seen](Outlook::seen)
-    /// so far.
+    /// The state of each pixel for a candidate, and the class of the candidate's [gain], of which pixels are
+    /// [seen](Outlook::seen) so far.
     pub fn states<'s>(&'s self, candidate: View, seen: &'s [bool]) -> impl Iterator<Item = (State, usize)> + 's {
         let distance = |view: View| view.right().unsigned_abs().max(view.down().unsigned_abs());
         let joins = self.views.iter().any(|view| distance(view) == distance(candidate));
@@ -338,8 +338,8 @@ mod tests {
 
     const WIDTH: usize = 60;
 
-    /// An object at disparity 10 in columns 20 to 29, before a background at 2, as sure as can be but for what the right view does
-    /// not see.
+    /// An object at disparity 10 in columns 20 to 29, before a background at 2, as sure as can be but for what the right view
+    /// does not see.
     fn found() -> Estimate {
         let column = |at: usize| at % WIDTH;
         let disparities = (0..WIDTH * 4).map(|at| Disparity::whole(if (20..30).contains(&column(at)) { 10 } else { 2 }));

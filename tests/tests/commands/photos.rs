@@ -1,5 +1,5 @@
-//! Photos: `multiscopic rig init` and `rig import` on folders of them, and images as cameras store them: turned by an EXIF tag, of 10 to 16 bits,
-//! grey and in colour.
+//! Photos: `multiscopic rig init` and `rig import` on folders of them, and images as cameras store them: turned by an EXIF tag,
+//! of 10 to 16 bits, grey and in colour.
 
 use std::{
     collections::BTreeSet,

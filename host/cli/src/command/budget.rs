@@ -23,9 +23,10 @@ use super::{
 /// Buffer sizes are exact: the firmware allocates exactly these statics. The other statics and the maximum stack
 /// depth were measured, and so was flash: the most that a profile with the same method takes.
 ///
-/// Instructions come from a cost model fitted to measurements. They include sending packets, but not fetching lines. With --fusion
-/// mean and blocks of 13 or 15, high-contrast images take up to a third more. --rectified adds what rectifying lines takes, without
-/// the RAM of lines and displacements. Semi-global matching of more than four views, or with --fusion half, is not predicted.
+/// Instructions come from a cost model fitted to measurements. They include sending packets, but not fetching lines. With
+/// --fusion mean and blocks of 13 or 15, high-contrast images take up to a third more. --rectified adds what rectifying lines
+/// takes, without the RAM of lines and displacements. Semi-global matching of more than four views, or with --fusion half, is
+/// not predicted.
 ///
 /// Time depends on the average cycles per instruction. They come from Arm's manual (M4) and LLVM's models of the
 /// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part. Arm publishes none for

@@ -4,9 +4,6 @@ use multiscopic::{Error, Result};
 use multiscopic_core::{ConfidenceLines, Fusion};
 use multiscopic_edge::{Matching, packet, state_pointers};
 
-/// The largest block whose sums fit 16 bits, which the methods for a number of views take.
-const LARGEST_BLOCK: usize = 15;
-
 /// The header of `matching`, for programs with `multiscopic.h` on processors of 32 bits.
 ///
 /// # Errors
@@ -18,7 +15,8 @@ pub fn c_header(matching: &Matching) -> Result<String> {
     let (search, columns, method) = (matching.search(), matching.tile_width(), matching.name());
     let views: Vec<String> = search.views().iter().map(|view| format!("{{{}, {}}}", view.right(), view.down())).collect();
     let places = search.views().places();
-    let of_views = if params.block_size() > LARGEST_BLOCK { String::new() } else { places.to_string() };
+    // The methods for a number of views have sums of 16 bits.
+    let of_views = if params.has_wide_sums() { String::new() } else { places.to_string() };
     let (confidence, of_confidences) = match matching.has_confidences() {
         true => ("_confidence", ConfidenceLines::memory_words(columns)),
         false => ("", 0),

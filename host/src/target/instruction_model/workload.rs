@@ -96,7 +96,7 @@ impl Workload {
             primed: block * span * depth * places,
             ..WorkUnits::default()
         };
-        let units = match is_wide(params) {
+        let units = match params.has_wide_sums() {
             true => WorkUnits {
                 pixel_wide: pixels,
                 column_view_wide: slid_columns * places,
@@ -160,13 +160,14 @@ fn is_slide_looped(params: &BlockMatchingParams, processor: Processor) -> bool {
     let is_straight = match vectors(params.search(), processor) {
         1 | 2 => true,
         4 => has_few_views || processor != Processor::CortexM55,
-        8 => has_few_views && !is_wide(params) && processor != Processor::CortexM55,
+        8 => has_few_views && !params.has_wide_sums() && processor != Processor::CortexM55,
         _ => false,
     };
     processor.has_kernel() && !is_straight
 }
 
-/// The most views that the processor's kernel masks at a pixel to sum the others. Where it does not mask, costs are fused by segments.
+/// The most views that the processor's kernel masks at a pixel to sum the others. Where it does not mask, costs are fused by
+/// segments.
 fn most_masked_of_sum(places: usize, processor: Processor) -> usize {
     match processor {
         _ if places > 4 => 0,
@@ -174,11 +175,6 @@ fn most_masked_of_sum(places: usize, processor: Processor) -> usize {
         Processor::CortexM4 | Processor::CortexM7 | Processor::CortexM33 => 1,
         Processor::CortexM0Plus | Processor::Rv32imac => 0,
     }
-}
-
-/// Returns true if block sums need 32 bits.
-fn is_wide(params: &BlockMatchingParams) -> bool {
-    params.max_block_sum() >= u32::from(u16::MAX)
 }
 
 /// The name of the loops that fuse costs: the number of views, which is eight for five and more, and the fusion rule.
@@ -194,7 +190,7 @@ pub fn kernel_name(params: &BlockMatchingParams, processor: Processor) -> String
         Rule::Half => "half",
     };
     let suffix = match (rule, views, is_unrolled(params.search(), processor)) {
-        _ if is_wide(params) => "-wide",
+        _ if params.has_wide_sums() => "-wide",
         ("min", 4, true) => "-unrolled",
         _ => "",
     };

@@ -116,8 +116,8 @@ impl Target {
         run(&mut cargo)
     }
 
-    /// Compiles `sources` of the library's folder, the first in `language` and the others in C, and links them with it. All warnings
-    /// are errors.
+    /// Compiles `sources` of the library's folder, the first in `language` and the others in C, and links them with it. All
+    /// warnings are errors.
     fn compile(&self, language: &str, sources: &[&str], folder: &Path, program: &Path) -> Result<()> {
         let compiler = self.compiler.install()?;
         let mut cc = compiler.command(&["-Os", "-Wall", "-Wextra", "-Wpedantic", "-Werror"])?;
@@ -415,8 +415,8 @@ impl ScanlineSource for Scene {
     }
 }
 
-/// The builds by CMake, which has cargo build the library: for this machine and for the reference board, in Zephyr's way and in that
-/// of the Pico SDK.
+/// The builds by CMake, which has cargo build the library: for this machine and for the reference board, in Zephyr's way and in
+/// that of the Pico SDK.
 fn cmake(folder: &Path) -> Result<()> {
     // Of the reference board, and of the Pico SDK.
     let toolchain = Toolchain::install(&[emulated_board::REFERENCE.target, "thumbv8m.main-none-eabi"])?;

@@ -231,8 +231,8 @@ fn two_boards(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
-/// Links the matcher alone, which fails if any path leads to a panic: for the reference board, optimised as firmware is and for its
-/// size; or with all views for both Arm targets, at each level.
+/// Links the matcher alone, which fails if any path leads to a panic: for the reference board, optimised as firmware is and for
+/// its size; or with all views for both Arm targets, at each level.
 pub fn no_panic(toolchain: &Toolchain, with_all: bool) -> Result<()> {
     let few = (Program::Example("no_panic"), "four");
     let many = (Program::ArrayExample("no_panic"), "eight");

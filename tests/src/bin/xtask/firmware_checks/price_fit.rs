@@ -147,8 +147,8 @@ impl Comparison {
     }
 }
 
-/// Fits the prices in `table` of the instruction sets of the boards that are `wanted`, and prints how far off the model is: for the
-/// matches it is fitted to, the worst of each board, and for others, all of them.
+/// Fits the prices in `table` of the instruction sets of the boards that are `wanted`, and prints how far off the model is: for
+/// the matches it is fitted to, the worst of each board, and for others, all of them.
 pub fn fit_all(table: &mut FirmwareCostTable, wanted: impl Fn(&EmulatedBoard) -> bool, counter: &Counter) -> Result<()> {
     let mut boards = Vec::new();
     for (index, (board, other)) in BOARDS.into_iter().enumerate().filter(|(_, (board, _))| wanted(board)) {
@@ -518,8 +518,8 @@ fn fit(runs: &[Run], counted: &[Instructions], processor: Processor, prior: &Pri
     Prices { units, candidates }
 }
 
-/// The prices of the work in `rows`, near to `prior`. Those of single matches of up to four views are fitted first. Arrays and long
-/// baselines have some of their own beside them, and leave them as they are.
+/// The prices of the work in `rows`, near to `prior`. Those of single matches of up to four views are fitted first. Arrays and
+/// long baselines have some of their own beside them, and leave them as they are.
 fn fit_in_turn(runs: &[Run], rows: &[Vec<f64>], measured: &[f64], prior: &[f64]) -> Vec<f64> {
     let has_own = |run: &Run| run.matching.long_search().is_some() || run.is_for_array();
     let chosen = |own: bool| runs.iter().zip(rows).zip(measured).filter(move |((run, _), _)| has_own(run) == own);

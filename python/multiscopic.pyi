@@ -1,7 +1,7 @@
 """Accurate depth from one camera that is moved on purpose: multiscopic matching of numpy arrays."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, Protocol, TypedDict, final
 
@@ -18,6 +18,19 @@ class MatchWarning(UserWarning):
 _Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 #: Offsets from the centre in baselines to the right and down.
 _Offset = tuple[int, int]
+
+class _SweepOptions(TypedDict, total=False):
+    """The keyword arguments of match_sweep(), as match() takes them."""
+
+    min_disparity: int | None
+    num_disparities: int | None
+    min_confidence: float | None
+    auto_range: bool | None
+    inspection: bool | None
+    bits: Literal[10, 12, 14, 16] | None
+    threads: int | None
+    simd: str | None
+    max_memory: int | None
 
 class _Options(TypedDict, total=False):
     """The keyword arguments of match(), whose help describes them."""
@@ -165,8 +178,11 @@ class Rig:
     def frames(self) -> dict[_Offset, npt.NDArray[np.uint8]]:
         """Reads the images, without the distortion of the lens, by their offsets from the centre, whose own is (0, 0)."""
 
+    def sweep(self) -> tuple[npt.NDArray[np.uint8], list[npt.NDArray[np.uint8]], list[float]]:
+        """Reads the frames of a sweep: the centre, the others, and their places in millimetres to the right, for match_sweep()."""
+
     def match(self, **options: Unpack[_Options]) -> Result:
-        """Reads the images and matches the centre with its neighbours."""
+        """Reads the images and matches the centre with its neighbours, or with the frames of a sweep."""
 
 class _Stage(Protocol):
     """A stage of your own. It may also have position(), pose() and stop()."""
@@ -208,6 +224,16 @@ def match(
     **options: Unpack[_Options],
 ) -> Result:
     """Estimates the disparity of each pixel of a centre image by matching it with its neighbours."""
+
+def match_sweep(
+    center: _Image,
+    frames: Sequence[_Image],
+    offsets_mm: Sequence[float],
+    *,
+    baseline_mm: float | None = None,
+    **options: Unpack[_SweepOptions],
+) -> Result:
+    """Estimates the disparity of each pixel of a centre image from the frames of a camera that slid along its rows: a sweep."""
 
 def align(
     center: _Image,

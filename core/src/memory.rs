@@ -98,6 +98,10 @@ pub struct Memory {
     pub rectified: usize,
     /// All that the network takes, the frames as well: see `network::NetworkMemory`.
     pub network: usize,
+    /// What a sweep knows of each pixel, from frame to frame.
+    pub state: usize,
+    /// Lines of the centre and of a frame of a sweep under the block, and what is measured there.
+    pub equations: usize,
 }
 
 impl Memory {
@@ -118,6 +122,8 @@ impl Memory {
         samples: 0,
         rectified: 0,
         network: 0,
+        state: 0,
+        equations: 0,
     };
 
     /// The memory for regions of up to `columns` columns with an instruction set.
@@ -197,6 +203,8 @@ impl Memory {
             samples: self.samples + other.samples,
             rectified: self.rectified + other.rectified,
             network: self.network + other.network,
+            state: self.state + other.state,
+            equations: self.equations + other.equations,
         }
     }
 
@@ -217,6 +225,8 @@ impl Memory {
             + self.samples
             + self.rectified
             + self.network
+            + self.state
+            + self.equations
     }
 
     /// The sum of all buffers in words: the length of the `[u32]` lent to the matcher.
@@ -499,8 +509,10 @@ mod tests {
             samples: 1 << 12,
             rectified: 1 << 13,
             network: 1 << 14,
+            state: 1 << 15,
+            equations: 1 << 16,
         };
-        assert_eq!(memory.bytes(), (1 << 15) - 1);
+        assert_eq!(memory.bytes(), (1 << 17) - 1);
         assert_eq!([memory.plus(&Memory::NONE), Memory::NONE.plus(&memory)], [memory; 2]);
         assert_eq!(memory.plus(&memory).plus(&memory).bytes(), 3 * memory.bytes());
     }

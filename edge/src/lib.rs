@@ -30,7 +30,7 @@
 //! | [`frame_file`] | the names of the files of frames and packets |
 //! | [`packet`] | the packets that carry disparities to a host |
 //! | `matching` | the computation of a pipeline and its memory: [`Matching`], [`Workspace`], [`Lengths`] |
-//! | [`profile`] | ready-made match sizes and their RAM budgets: [`Profile`] |
+//! | [`profile`] | ready-made match sizes and their RAM budgets: [`Profile`], [`SweepProfile`] |
 //! | `pipeline` | matches the frames of a board and sends the disparities: [`Pipeline`], [`SweepPipeline`] |
 #![no_std]
 
@@ -49,5 +49,5 @@ pub use awaited_lines::{AsyncScanlineSource, AwaitedLineError, AwaitedLines};
 pub use board::{Board, Phase};
 pub use matching::{Lengths, Matching, WholeLines, Workspace, state_pointers};
 pub use pipeline::{Pipeline, PipelineError, RunError, SweepPipeline};
-pub use profile::Profile;
+pub use profile::{Profile, SweepProfile};
 pub use streams::{Streams, StreamsError};

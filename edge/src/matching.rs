@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use multiscopic_core::{
     BlockMatchingParams, ConfidenceLines, Disparity, Memory, Params, Region, SearchConfig, SearchSpace, SemiGlobalCost,
-    SemiGlobalParams, Views,
+    SemiGlobalParams, SweepParams, Views,
     kernel::{Isa, Native},
     network::NetworkParams,
 };
@@ -209,8 +209,7 @@ impl Matching {
         match self {
             Matching::WithConfidences(_) => {
                 let packet = packet::buffer_bytes_with_confidences(columns);
-                let confidence = size_of::<u32>() * (ConfidenceLines::memory_words(columns) + confidence_line_words(columns));
-                Lengths { matcher, confidence, columns, packet }
+                Lengths { matcher, confidence: confidence_bytes(columns), columns, packet }
             }
             Matching::Network(_) => {
                 let confidence = size_of::<u32>() * confidence_line_words(columns);
@@ -292,6 +291,11 @@ impl Matching {
     }
 }
 
+/// The bytes of the lines that confidences are computed from, and of a line of them.
+const fn confidence_bytes(columns: usize) -> usize {
+    size_of::<u32>() * (ConfidenceLines::memory_words(columns) + confidence_line_words(columns))
+}
+
 /// The words of a line of confidences.
 pub(crate) const fn confidence_line_words(columns: usize) -> usize {
     columns.div_ceil(size_of::<u32>())
@@ -319,6 +323,13 @@ pub struct Lengths {
 }
 
 impl Lengths {
+    /// The lengths for the filter over the frames of a sweep, and what it sends.
+    pub const fn of_sweep(params: &SweepParams) -> Lengths {
+        let columns = params.search().width();
+        let packet = packet::buffer_bytes_with_confidences(columns);
+        Lengths { matcher: params.memory(), confidence: confidence_bytes(columns), columns, packet }
+    }
+
     /// The size of the workspace in bytes.
     pub const fn bytes(&self) -> usize {
         (4 * self.words() + self.line_bytes() + self.packet).next_multiple_of(align_of::<u32>())
@@ -366,7 +377,8 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
     }
 }
 
-/// The type of the [`Workspace`] that a constant [`Profile`](crate::Profile) or [`Matching`] needs.
+/// The type of the [`Workspace`] that a constant [`Profile`](crate::Profile), [`SweepProfile`](crate::SweepProfile) or [`Matching`]
+/// needs.
 #[macro_export]
 macro_rules! workspace {
     ($matching:path) => {
@@ -400,6 +412,7 @@ mod tests {
             size_of::<workspace!(profile::QQVGA_NET)>(),
         ];
         assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths().bytes()));
+        assert_eq!(size_of::<workspace!(profile::QQVGA_SWEEP)>(), profile::QQVGA_SWEEP.lengths().bytes());
     }
 
     #[test]

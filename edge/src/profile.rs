@@ -31,6 +31,42 @@ pub struct Profile {
     method: Method,
 }
 
+/// A named sweep, and the RAM and the flash that it may take.
+///
+/// ```
+/// use multiscopic_edge::{Workspace, profile::QQVGA_SWEEP, workspace};
+///
+/// let mut workspace = Box::new(<workspace!(QQVGA_SWEEP)>::new());
+/// let pipeline = workspace.sweep(&QQVGA_SWEEP.params)?;
+/// # Ok::<(), multiscopic_core::MemoryTooSmall>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct SweepProfile {
+    /// Its name in reports, and the name of its firmware.
+    pub name: &'static str,
+    /// The most RAM in bytes, statics and greatest stack together, frames excluded.
+    pub ram_budget: usize,
+    /// The most flash in bytes: code and constants, with packets.
+    pub flash_budget: usize,
+    /// What is filtered.
+    pub params: SweepParams,
+}
+
+impl SweepProfile {
+    /// A sweep with so much noise, in sixteenths of a grey value, with budgets of RAM and flash in KiB.
+    const fn new(name: &'static str, size: MatchSize, noise_q4: u16, [ram_kib, flash_kib]: [usize; 2]) -> SweepProfile {
+        match SweepParams::new(size.search(Fusion::Min), noise_q4, size.block_size / 2) {
+            Ok(params) => SweepProfile { name, ram_budget: 1024 * ram_kib, flash_budget: 1024 * flash_kib, params },
+            Err(_) => panic!("a parameter is out of range: see SweepParams::new"),
+        }
+    }
+
+    /// The lengths of the workspace's buffers.
+    pub const fn lengths(&self) -> Lengths {
+        Lengths::of_sweep(&self.params)
+    }
+}
+
 /// The method of a profile.
 #[derive(Clone, Copy, Debug)]
 enum Method {
@@ -96,13 +132,10 @@ const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
 pub const CAPTURE: BlockMatchingParams = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuristic);
 
 /// The sweep of a small frame, with noise of 4 grey values: 33 disparities at the unit baseline.
-pub const QQVGA_SWEEP: SweepParams =
-    match SweepParams::new(MatchSize { min_disparity: 0, ..MatchSize::new(160, 120, 33, 5) }.search(Fusion::Min), 16 * 4, 2) {
-        Ok(params) => params,
-        Err(_) => panic!("a parameter is out of range: see SweepParams::new"),
-    };
+pub const QQVGA_SWEEP: SweepProfile =
+    SweepProfile::new("qqvga-sweep", MatchSize { min_disparity: 0, ..MatchSize::new(160, 120, 33, 5) }, 16 * 4, [200, 64]);
 
-/// Every profile.
+/// Every profile that matches views.
 pub const ALL: [Profile; 12] = [
     QQVGA,
     QVGA,

@@ -25,7 +25,8 @@ mod views;
 
 /// Accurate depth from one camera that is moved on purpose: multiscopic matching of numpy arrays.
 ///
-/// match() estimates the disparity of each pixel of a centre image by matching it with its neighbours. Rig.load() reads
+/// match() estimates the disparity of each pixel of a centre image by matching it with its neighbours, and match_sweep() from the
+/// frames of a camera that slides. Rig.load() reads
 /// captured folders, and capture() makes them with a stage and a camera of your own. evaluate() measures errors.
 #[pyo3::pymodule]
 mod multiscopic {
@@ -38,7 +39,7 @@ mod multiscopic {
         interpreter::MatchWarning,
         match_result::{MatchResult, evaluate},
         own_hardware::capture,
-        views::{align, inspect},
+        views::{align, inspect, match_sweep},
     };
 
     #[pymodule_export]

@@ -20,13 +20,19 @@ pub struct Options {
     keywords: Keywords,
     prior: Option<PriorArray>,
     confidence: Option<bool>,
+    /// The names of those that differ from their defaults.
+    given: Vec<String>,
 }
+
+/// Those that a sweep obeys.
+const OF_SWEEPS: [&str; 9] =
+    ["auto_range", "bits", "inspection", "max_memory", "min_confidence", "min_disparity", "num_disparities", "simd", "threads"];
 
 impl Options {
     /// Reads the options that a call gives.
     pub fn new(given: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
         let all = Keyword::all();
-        let (mut words, mut prior, mut confidence) = (Vec::new(), None, None);
+        let (mut words, mut names, mut prior, mut confidence) = (Vec::new(), Vec::new(), None, None);
         for (name, value) in given.into_iter().flatten() {
             let name: String = name.extract()?;
             let Some(keyword) = all.iter().find(|keyword| keyword.name == name) else {
@@ -36,7 +42,7 @@ impl Options {
                 continue;
             }
             let refused = |error| refusal(&name, &value, error);
-            let option = keyword.option.clone();
+            let (option, before) = (keyword.option.clone(), words.len());
             match keyword.kind {
                 Kind::Array => {
                     prior = Some(value.extract().map_err(refused)?);
@@ -52,8 +58,9 @@ impl Options {
                     words.extend((!keyword.is_default(&text)).then(|| option + "=" + &text));
                 }
             }
+            names.extend((words.len() > before).then_some(name));
         }
-        Ok(Options { keywords: Keywords::parse(&words).map_err(exception)?, prior, confidence })
+        Ok(Options { keywords: Keywords::parse(&words).map_err(exception)?, prior, confidence, given: names })
     }
 
     /// Returns those of a range of disparities alone.
@@ -61,7 +68,18 @@ impl Options {
         let least = min_disparity.map(|least| format!("--min-disparity={least}"));
         let count = num_disparities.map(|count| format!("--num-disparities={count}"));
         let words: Vec<String> = [least, count].into_iter().flatten().collect();
-        Ok(Options { keywords: Keywords::parse(&words)?, prior: None, confidence: None })
+        Ok(Options { keywords: Keywords::parse(&words)?, prior: None, confidence: None, given: Vec::new() })
+    }
+
+    /// Refuses those that sweeps do not obey.
+    pub fn check_sweep(&self) -> Result<()> {
+        let unheeded = self.given.iter().find(|name| !OF_SWEEPS.contains(&&***name));
+        unheeded.map_or(Ok(()), |name| Err(Error::Usage(format!("{name} has no effect on the frames of a sweep: leave it out"))))
+    }
+
+    /// Returns the least confidence of the disparities that are kept, if it is given.
+    pub fn min_confidence(&self) -> Option<u8> {
+        self.keywords.matching.min_confidence()
     }
 
     /// Returns true if the views are rectified before they are matched.

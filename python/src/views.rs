@@ -70,6 +70,48 @@ fn matched<'py>(
     Capture::of_arrays(&center, named, &views.unwrap_or_default(), options.bits())?.matched(py, &options)
 }
 
+/// Estimates the disparity of each pixel of a centre image from the frames of a camera that slid along its rows: a sweep.
+///
+/// A filter refines the disparities with one frame after the other, and the network matches two of them beside it. The disparities
+/// are those at the baseline.
+///
+/// Args:
+///     center: the reference image, as match() takes it.
+///     frames: the other images, at least two, all of the same size.
+///     offsets_mm: where each was taken, in millimetres to the right of the centre; negative to the left.
+///     baseline_mm: the unit of disparities. The default is the distance of the farthest frame. One frame must be within 5 % of it.
+///     options: min_disparity, num_disparities, min_confidence, auto_range, inspection, bits, threads, simd and max_memory, as
+///         match() takes them. There are at most 256 disparities.
+///
+/// Returns:
+///     A Result with the disparities and their confidences. The bits are those of `multiscopic match` of a folder of the frames.
+///
+/// Raises:
+///     TypeError: an image is neither uint8 nor uint16, or there is no such argument.
+///     ValueError: images differ in size, an argument is out of range, or it has no effect on a sweep.
+///
+/// >>> import numpy as np, multiscopic
+/// >>> u, v = np.meshgrid(np.arange(64), np.arange(48))
+/// >>> picture = lambda b: (128 + 50 * np.sin(0.8 * (u + 4 * b) + v) + 40 * np.cos(0.3 * (u + 4 * b) - 0.6 * v)).astype(np.uint8)
+/// >>> offsets = [5, -5, 10, -10, 15, -15, 20, -20]
+/// >>> frames = [picture(offset / 20) for offset in offsets]
+/// >>> result = multiscopic.match_sweep(picture(0), frames, offsets, min_disparity=0, num_disparities=12)
+/// >>> round(float(np.nanmedian(result.disparity)), 1)
+/// 4.0
+#[pyfunction]
+#[pyo3(signature = (center, frames, offsets_mm, *, baseline_mm=None, **options))]
+pub fn match_sweep<'py>(
+    py: Python<'py>,
+    center: ImageArray<'py>,
+    frames: Vec<ImageArray<'py>>,
+    offsets_mm: Vec<f64>,
+    baseline_mm: Option<f64>,
+    options: Option<&Bound<'py, PyDict>>,
+) -> PyResult<MatchResult> {
+    let options = Options::new(options)?;
+    Capture::of_sweep(&center, &frames, &offsets_mm, baseline_mm, options.bits())?.matched(py, &options)
+}
+
 /// Adds `match` to the module, with a signature and a documentation that list the keyword arguments by their descriptions.
 pub fn add_match(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let function = wrap_pyfunction!(matched, module)?;

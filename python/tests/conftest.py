@@ -41,6 +41,15 @@ def small_rig(program, tmp_path_factory) -> Path:
     return scene(program, tmp_path_factory.mktemp("scenes"), 2)
 
 
+@pytest.fixture(scope="session")
+def sweep(program, tmp_path_factory) -> Path:
+    """The frames of a simulated camera that slides over 12 mm."""
+    folder = tmp_path_factory.mktemp("sweep") / "sweep"
+    slide = "--camera sim --stage sim --sweep 12 --speed 12 --size 120x90 -o"
+    program("capture", *slide.split(), folder)
+    return folder
+
+
 def images_of(rig) -> dict[str, np.ndarray]:
     """The images of a rig by their names."""
     names = ["center", "left", "right", "top", "bottom"]

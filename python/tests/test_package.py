@@ -256,15 +256,40 @@ def test_notebook(rig, monkeypatch):
     NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
 
 
+def test_sweeps_are_refused_where_they_make_no_sense(rig, sweep):
+    frames, offsets = [moved(GRAY, 2), moved(GRAY, -2)], [20, -20]
+    for message, arguments, options in [
+        ("there are 2 frames and 1 offsets_mm", [GRAY, frames, [20]], {}),
+        ("there are 1 frames and 1 offsets_mm", [GRAY, frames[:1], [20]], {}),
+        (r"frames\[1\]: found 79x60 pixels, expected 80x60 as in the centre", [GRAY, [frames[0], GRAY[:, 1:]], offsets], {}),
+        ("a place of 20 baselines, expected 16 at most", [GRAY, frames, offsets], {"baseline_mm": 1}),
+        ("baseline_mm is 0", [GRAY, frames, [0, 0]], {}),
+        ("block_size has no effect on the frames of a sweep", [GRAY, frames, offsets], {"block_size": 5}),
+        ("align has no effect on the frames of a sweep", [GRAY, frames, offsets], {"align": True}),
+        ("at most 256 disparities, 300 were given", [GRAY, frames, offsets], {"num_disparities": 300}),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            multiscopic.match_sweep(*arguments, **options)
+    slide = multiscopic.Rig.load(sweep)
+    assert slide.views == [] and repr(slide).endswith(f"a sweep of {len(slide.sweep()[1])} frames>")
+    with pytest.raises(ValueError, match="the frames of a sweep"):
+        slide.frames()
+    with pytest.raises(ValueError, match="sub_pixel has no effect on the frames of a sweep"):
+        slide.match(sub_pixel="none")
+    with pytest.raises(ValueError, match="no .*sweep"):
+        multiscopic.Rig.load(rig).sweep()
+
+
 def code_of(guide):
     """The Python blocks of a guide, one after the other."""
     blocks = (PACKAGE.parent / "docs" / guide).read_text().split("```python\n")[1:]
     return compile("\n".join(block.split("```")[0] for block in blocks), f"docs/{guide}", "exec")
 
 
-def test_code_of_the_guide(rig, tmp_path, monkeypatch):
+def test_code_of_the_guide(rig, sweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig").symlink_to(rig)
+    (tmp_path / "sweep").symlink_to(sweep)
     # What stands for the hardware of the reader: a wall that moves by 8 pixels.
     place = {}
     driver = types.SimpleNamespace(go=place.update)

@@ -149,6 +149,20 @@ def test_several_baselines(program, tmp_path, images):
     assert not np.array_equal(maps[0], maps[1]) and not np.array_equal(maps[2], maps[3])
 
 
+@pytest.mark.parametrize("options", [{}, {"min_disparity": 1, "num_disparities": 9, "min_confidence": 0.8}], ids=str)
+def test_sweep(program, tmp_path, sweep, options):
+    disparity, confidence = matched_by_program(program, tmp_path, [sweep], options)
+    slide = multiscopic.Rig.load(sweep)
+    center, frames, offsets_mm = slide.sweep()
+    # The order of the frames does not matter.
+    mixed = [frames[::-1], offsets_mm[::-1]] if len(set(map(abs, offsets_mm))) == len(offsets_mm) else [frames, offsets_mm]
+    of_arrays = multiscopic.match_sweep(center, *mixed, baseline_mm=slide.baseline_mm, **options)
+    for result in [slide.match(**options), of_arrays]:
+        assert_same_bits(result.disparity, disparity)
+        assert np.array_equal(result.confidence, confidence)
+    assert np.array_equal(of_arrays.depth(focal_px=slide.focal_px), slide.match(**options).depth(), equal_nan=True)
+
+
 def with_12_bits(image):
     """An image of uint16 that needs all of 12 bits."""
     return image * np.uint16(16) + np.arange(image.size, dtype=np.uint16).reshape(image.shape) % 16

@@ -1,14 +1,14 @@
-//! The main function of the firmware.
+//! The main functions of the firmware.
 
 use defmt_semihosting as _; // Sends the log to the host's standard output.
 use embedded_io::Write;
-use multiscopic_core::{Fusion, Params};
-use multiscopic_edge::{Board, Matching, Pipeline, PipelineError};
+use multiscopic_core::{Frame, Fusion, Params, SweepOffset, View, Views};
+use multiscopic_edge::{Board, Matching, Pipeline, PipelineError, Streams, SweepPipeline, frame_file::FrameFile};
 use semihosting::process;
 
 use crate::{
     runtime,
-    semihosted::{self, FirmwareError, Semihosted},
+    semihosted::{self, FirmwareError, HostFile, Semihosted},
 };
 
 defmt::timestamp!("{=u64:ms}", semihosted::elapsed().as_millis() as u64);
@@ -47,6 +47,42 @@ fn match_and_send<P: Params<Matching>>(name: &str, matching: &P, pipeline: Pipel
         .map_err(|error| FirmwareError::Pipeline(PipelineError::Write(error)))?;
     defmt::info!("done after {=u64} ms, {=usize} bytes of stack", Semihosted.elapsed().as_millis() as u64, stack);
     Ok(())
+}
+
+/// The steps of a sweep to each side. As many are the unit baseline.
+const STEPS: i8 = 16;
+
+/// Refines the disparities of a sweep with the frames of the steps to both sides, nearest first, sends a map after each `every` frames,
+/// and exits.
+pub fn sweep(mut pipeline: SweepPipeline<'_>, every: usize) -> ! {
+    match refine_and_send(&mut pipeline, every) {
+        Ok(()) => process::exit(0),
+        Err(error) => runtime::fail(error),
+    }
+}
+
+#[inline(always)]
+fn refine_and_send(pipeline: &mut SweepPipeline<'_>, every: usize) -> Result<(), FirmwareError> {
+    let (mut center, mut output) = (open(Frame::Center)?, Semihosted.output()?);
+    for (frames, step) in (1_usize..).zip((1..=STEPS).flat_map(|step| [step, -step])) {
+        let bits = i32::from(step) * SweepOffset::STEPS / i32::from(STEPS);
+        let (Some(offset), Ok(view)) = (SweepOffset::from_bits(bits), View::new(step, 0)) else { continue };
+        let mut frame = open(Frame::View(view))?;
+        pipeline.refine::<Semihosted>(offset, &mut center, &mut frame).map_err(FirmwareError::Pipeline)?;
+        if !frames.is_multiple_of(every) {
+            continue;
+        }
+        let mut sender = pipeline.send::<Semihosted>(&mut center, &mut output).map_err(FirmwareError::Pipeline)?;
+        let end = sender.end(Some(runtime::stack_depth())).map_err(FirmwareError::Packet)?;
+        output.write_all(end).map_err(|error| FirmwareError::Pipeline(PipelineError::Write(error)))?;
+    }
+    Ok(())
+}
+
+/// A frame alone.
+fn open(frame: Frame) -> Result<Streams<HostFile>, FirmwareError> {
+    Streams::open(Views::NONE, |_| HostFile::open(FrameFile::new(frame).name()))
+        .map_err(|error| FirmwareError::Frame(frame, error))
 }
 
 const fn fusion_of(name: &str) -> Option<Fusion> {

@@ -8,7 +8,7 @@
 //! | --- | --- |
 //! | `runtime` | the entry, the critical section and the stack of the processor, and the end after an error, a panic or a fault |
 //! | `semihosted` | the board that a debugger or an emulator lends: files, a clock, marks where phases begin |
-//! | `entry_points` | the main function of the binaries |
+//! | `entry_points` | the main functions of the binaries, and of the examples with sweeps |
 //!
 //! # Features
 //! `rp2040`, `stm32f405`, `stm32h743`, `rp2350`, `rp2350-riscv`, `an547`: the board that the firmware is linked for, at most one.
@@ -32,7 +32,7 @@ mod runtime;
 mod semihosted;
 
 #[cfg(target_os = "none")]
-pub use entry_points::{FUSION, run};
+pub use entry_points::{FUSION, run, sweep};
 #[cfg(target_os = "none")]
 pub use runtime::{entry, fail, stack_depth};
 #[cfg(target_os = "none")]

@@ -1,14 +1,14 @@
 //! Refines the disparities of a sweep with each frame, and sends them.
 
 use multiscopic_core::{
-    ConfidenceLines, ConfidenceTable, Disparity, MatchError, MemoryTooSmall, Region, Rewind, SweepFilter, SweepOffset,
-    SweepParams, SweepReport, kernel::Native,
+    ConfidenceTable, Disparity, MatchError, MemoryTooSmall, Region, Rewind, SweepFilter, SweepOffset, SweepParams, SweepReport,
+    kernel::Native,
 };
 
 use super::pass::{Confidences, FetchError, Fetching, Pass, PipelineError, RunError};
 use crate::{
     board::{Board, Phase},
-    matching::{Workspace, confidence_line_words},
+    matching::{Lengths, Workspace},
     packet::Sender,
 };
 
@@ -17,12 +17,11 @@ use crate::{
 ///
 /// ```no_run
 /// use embedded_io::Write;
-/// use multiscopic_core::{SweepOffset, SweepParams};
-/// use multiscopic_edge::{Board, SweepPipeline, Workspace, packet, profile::QQVGA_SWEEP as PARAMS};
+/// use multiscopic_core::SweepOffset;
+/// use multiscopic_edge::{Board, profile::QQVGA_SWEEP, workspace};
 ///
-/// const COLUMNS: usize = PARAMS.search().width();
-/// type Memory =
-///     Workspace<{ SweepPipeline::words(&PARAMS) }, COLUMNS, { packet::buffer_bytes_with_confidences(COLUMNS) }>;
+/// // For parameters of one's own: the lengths of `Lengths::of_sweep`.
+/// type Memory = workspace!(QQVGA_SWEEP);
 ///
 /// /// Takes frames until the slide ends. `next` gives a frame and its place. In firmware, the memory is a static.
 /// fn slide<B: Board>(
@@ -31,7 +30,7 @@ use crate::{
 ///     mut next: impl FnMut() -> Option<(SweepOffset, B::Frames)>,
 ///     output: &mut B::Output,
 /// ) -> Option<()> {
-///     let mut pipeline = memory.sweep(&PARAMS).ok()?;
+///     let mut pipeline = memory.sweep(&QQVGA_SWEEP.params).ok()?;
 ///     while let Some((offset, mut frame)) = next() {
 ///         pipeline.refine::<B>(offset, center, &mut frame).ok()?;
 ///         let mut sender = pipeline.send::<B>(center, output).ok()?;
@@ -62,8 +61,7 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
 impl<'w> SweepPipeline<'w> {
     /// The words that the filter and the confidences need.
     pub const fn words(params: &SweepParams) -> usize {
-        let width = params.search().width();
-        params.memory_words() + ConfidenceLines::memory_words(width) + confidence_line_words(width)
+        Lengths::of_sweep(params).words()
     }
 
     /// A filter that has seen no frame, in `words` of memory, with a line of disparities and the buffer of a [`Sender`].

@@ -40,7 +40,7 @@
 //! | [`winner`] | winner-takes-all over costs |
 //! | [`sgm`] | semi-global matching |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
-//! | `simulation` | [`simulate`]: the firmware's pipeline, in the memory that it has there |
+//! | `simulation` | [`simulate`], [`simulate_sweep`]: the firmware's pipeline, in the memory that it has there |
 //!
 //! The core defines every result, generic over instruction sets. This crate compiles it once, behind functions that are not
 //! generic, so that its users compile no kernel.
@@ -65,4 +65,4 @@ pub use planes::Planes;
 pub use progress::Progress;
 pub use raster::{FloatImage, Raster};
 pub use simd::{Simd, Task};
-pub use simulation::{Simulation, SimulationError, simulate};
+pub use simulation::{Simulation, SimulationError, simulate, simulate_sweep};

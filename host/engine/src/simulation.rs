@@ -5,8 +5,8 @@
 
 use std::{convert::Infallible, iter, time::Duration};
 
-use multiscopic_core::{Frame, Fusion, Rewind, ScanlineSource, SearchSpace, View, Views};
-use multiscopic_edge::{Board, Phase, Pipeline, Profile, Streams, StreamsError};
+use multiscopic_core::{Frame, Fusion, Rewind, ScanlineSource, SearchSpace, SweepOffset, View, Views};
+use multiscopic_edge::{Board, Phase, Pipeline, Profile, Streams, StreamsError, SweepPipeline, SweepProfile};
 
 use crate::{planes::Planes, simd::Baseline};
 
@@ -16,9 +16,10 @@ pub struct Simulation {
     /// The packets that it sends, byte for byte, except that the last one does not tell the depth of the
     /// stack: only the processor can measure it.
     pub packets: Vec<u8>,
-    /// Passes over the frames, one for each column tile.
+    /// Passes over the frames, one for each column tile; of a sweep over its centre, for each frame and each map.
     pub passes: usize,
-    /// The frames, and how many lines of each were read in all passes of all searches.
+    /// The frames, and how many lines of each were read in all passes of all searches; of a sweep its centre alone, since each line
+    /// of a frame is read once.
     pub lines_read: Vec<(Frame, usize)>,
     /// Size of the firmware's workspace in bytes.
     pub workspace: usize,
@@ -82,6 +83,46 @@ pub fn simulate(
     Ok(Simulation { packets, passes, lines_read, workspace: matching.lengths().bytes() })
 }
 
+/// Runs the pipeline of a sweep on `frames` at their places, in this order, in a workspace like the firmware's, and sends a map after
+/// each `every` frames and after the last. Calls `on_line` for each line that it reads.
+///
+/// # Errors
+/// The centre or a frame has another size than the profile's.
+///
+/// # Panics
+/// If `every` is 0.
+pub fn simulate_sweep(
+    profile: &SweepProfile,
+    center: &Planes<'_>,
+    frames: &[(SweepOffset, Planes<'_>)],
+    every: usize,
+    on_line: &dyn Fn(),
+) -> Result<Simulation, SimulationError> {
+    let (params, search) = (&profile.params, profile.params.search());
+    let expected = [search.width(), search.height()];
+    if let Some(found) =
+        iter::once(center).chain(frames.iter().map(|(_, frame)| frame)).map(Planes::size).find(|size| *size != expected)
+    {
+        return Err(SimulationError::FrameSize { profile: profile.name, found, expected });
+    }
+    let lengths = profile.lengths();
+    let (mut words, mut line, mut packet) = (vec![0; lengths.words()], vec![None; lengths.columns], vec![0; lengths.packet]);
+    let pipeline = SweepPipeline::new(params, &mut words, &mut line, &mut packet);
+    let mut pipeline = pipeline.expect("the workspace fits the profile");
+    let (mut source, mut packets) = (CountedStreams::open(center, Views::NONE, on_line), Vec::new());
+    for (n, (offset, frame)) in (1..).zip(frames) {
+        let mut frame = CountedStreams::open(frame, Views::NONE, on_line);
+        pipeline.refine::<SimulatedBoard<'_>>(*offset, &mut source, &mut frame).expect("memory can be read");
+        if n % every == 0 || n == frames.len() {
+            let sent = pipeline.send::<SimulatedBoard<'_>>(&mut source, &mut packets);
+            let mut sender = sent.expect("memory can be read, and the workspace fits the profile");
+            packets.extend_from_slice(sender.end(None).expect("the end is shorter than a line"));
+        }
+    }
+    // The first of the passes is a rewind before anything is read.
+    Ok(Simulation { packets, passes: source.passes - 1, lines_read: source.lines_read, workspace: lengths.bytes() })
+}
+
 /// A board whose frames are in memory.
 struct SimulatedBoard<'a> {
     frames: &'a Planes<'a>,
@@ -98,9 +139,7 @@ impl<'a> Board for SimulatedBoard<'a> {
         if let Some(view) = views.iter().find(|&view| frames.get(Frame::View(view)).is_none()) {
             return Err(SimulationError::MissingView { view });
         }
-        let streams = open_streams(frames, views);
-        let lines_read = iter::once(Frame::Center).chain(views.iter().map(Frame::View)).map(|frame| (frame, 0)).collect();
-        Ok(CountedStreams { frames, views, streams, lines_read, passes: 1, on_line: self.on_line })
+        Ok(CountedStreams::open(frames, views, self.on_line))
     }
 
     fn output(&mut self) -> Result<Vec<u8>, SimulationError> {
@@ -122,6 +161,15 @@ struct CountedStreams<'a> {
     lines_read: Vec<(Frame, usize)>,
     passes: usize,
     on_line: &'a dyn Fn(),
+}
+
+impl<'a> CountedStreams<'a> {
+    /// The streams of frames that are there.
+    fn open(frames: &'a Planes<'a>, views: Views, on_line: &'a dyn Fn()) -> CountedStreams<'a> {
+        let streams = open_streams(frames, views);
+        let lines_read = iter::once(Frame::Center).chain(views.iter().map(Frame::View)).map(|frame| (frame, 0)).collect();
+        CountedStreams { frames, views, streams, lines_read, passes: 1, on_line }
+    }
 }
 
 impl ScanlineSource for CountedStreams<'_> {

@@ -23,7 +23,7 @@ pub use description::{Finish, Lamp, Object, Scene, Shot};
 pub use geometry::{Pose, Ray, Shape, Vec3};
 pub use made_up::{Flaws, ObjectKind, RandomScene, Setting};
 pub use pinhole_camera::{PinholeCamera, PosedCamera};
-pub use render::{render, render_at, render_moving, render_views, trace};
+pub use render::{render, render_at, render_moving, render_sweep, render_views, trace};
 pub use texture::{Motif, Placement, Texture};
 
 // Reproducible random numbers: hashes of a place and a seed, and evenly distributed sample points.

@@ -17,7 +17,7 @@
 //! | [`deviation`] | their standard deviations |
 //! | [`BaselineRefinement`] | the refinement by views at longer baselines |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
-//! | [`fn@sweep`], [`dense_sweep`] | the filter over the frames of a camera that slides, alone and beside a method |
+//! | [`SweepFrames`], [`fn@sweep`], [`dense_sweep`] | the frames of a camera that slides, and the filter over them, alone and beside a method |
 //! | [`CostFunction`] | the costs of semi-global matching, and their names |
 //! | [`Method`] | a [`Pipeline`] of these steps, and its [`Refinement`] |
 //! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
@@ -45,6 +45,7 @@ pub mod optimization {
 }
 pub mod refinement;
 mod sweep;
+mod sweep_frames;
 
 pub use crate::files::npy::write_inputs;
 pub use multiscopic_engine::{
@@ -59,3 +60,4 @@ pub use method::{Estimate, Method, Pipeline};
 pub use method_name::{MethodName, SemiGlobalMethod};
 pub use refinement::Refinement;
 pub use sweep::{Sweep, dense_sweep, growing_sweep, sweep};
+pub use sweep_frames::SweepFrames;

@@ -5,7 +5,10 @@ use std::{collections::BTreeMap, sync::LazyLock};
 use multiscopic_edge::{Matching, WholeLines};
 use serde::{Deserialize, Serialize};
 
-use super::{Processor, instruction_model::Prices};
+use super::{
+    Processor,
+    instruction_model::{Prices, SweepUnits},
+};
 
 /// The measurements in `measured.toml`.
 pub static MEASURED: LazyLock<FirmwareCostTable> = LazyLock::new(|| toml::from_str(TEXT).expect("`cargo xtask` wrote it"));
@@ -55,6 +58,23 @@ pub struct FirmwareCosts {
     /// The prices of the instruction model.
     #[serde(default)]
     pub prices: Prices,
+    /// The costs of sweeps. `None` if they were not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<SweepCosts>,
+}
+
+/// The costs of the firmware that filters the frames of a sweep.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SweepCosts {
+    /// Greatest depth of the stack in bytes, and a few bytes to spare.
+    pub stack: usize,
+    /// Bytes of flash: code and constants, also those of packets and of the runtime of the emulated boards.
+    pub flash: usize,
+    /// Cycles per instruction by the name of the processor, on average over the firmware of `qqvga-sweep`.
+    pub cycles_per_instruction: BTreeMap<String, f64>,
+    /// Prices in instructions.
+    pub prices: SweepUnits,
 }
 
 /// The most bytes that the firmware of any profile with a method takes, with any fusion rule.
@@ -145,7 +165,8 @@ impl FirmwareCostTable {
         let table = toml::to_string(self).expect("it has only numbers, strings and tables of them");
         format!(
             "# Prices in instructions (see instruction_model) are written by `cargo xtask edge --fit`, bytes and the price of\n\
-             # rectification by `cargo xtask edge --update`, and cycles per instruction by `cargo xtask cycles --update`.\n{table}"
+             # rectification by `cargo xtask edge --update`, and cycles per instruction by `cargo xtask cycles --update`. All of\n\
+             # sweeps are written by `cargo xtask edge --profile qqvga-sweep --update`.\n{table}"
         )
     }
 }

@@ -7,7 +7,7 @@
 //! | [`Processor`] | the supported cores, their clocks and vectors |
 //! | [`MEASURED`] | what was measured with the firmware in the emulator |
 //! | [`ram`] | the RAM that a match takes, buffer by buffer |
-//! | [`simulate`] | the firmware's pipeline on the host |
+//! | [`simulate`], [`simulate_sweep`] | the firmware's pipeline on the host, on frames as [`Planes`] |
 //! | [`reception`] | disparity frames from the firmware's packets |
 
 pub mod instruction_model;
@@ -18,9 +18,9 @@ pub mod reception;
 use multiscopic_core::kernel::{Isa, Native};
 use multiscopic_edge::{Lengths, Matching};
 
-pub use multiscopic_engine::{Simulation, SimulationError, simulate};
+pub use multiscopic_engine::{Planes, Simulation, SimulationError, simulate, simulate_sweep};
 
-pub use measured::{FirmwareCostTable, FirmwareCosts, MEASURED};
+pub use measured::{FirmwareCostTable, FirmwareCosts, MEASURED, SweepCosts};
 pub use ram::{Buffer, Ram};
 
 /// A processor, by its core.

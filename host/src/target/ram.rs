@@ -1,6 +1,6 @@
 //! The RAM that a match takes on a microcontroller, buffer by buffer.
 
-use multiscopic_core::BlockMatchingParams;
+use multiscopic_core::{BlockMatchingParams, SweepParams};
 use multiscopic_edge::{Lengths, Matching};
 
 use super::Processor;
@@ -34,6 +34,13 @@ impl Ram {
         Ram { workspace: processor.lengths(matching), other_statics: costs.statics, stack: costs.stack.of(matching) }
     }
 
+    /// For a sweep, in the same way. `None` if it was not measured on the processor.
+    pub fn of_sweep(params: &SweepParams, processor: Processor) -> Option<Ram> {
+        let costs = processor.firmware_costs();
+        let stack = costs.sweep.as_ref()?.stack;
+        Some(Ram { workspace: Lengths::of_sweep(params), other_statics: costs.statics, stack })
+    }
+
     /// Bytes of all statics.
     pub fn statics(&self) -> usize {
         self.workspace.bytes() + self.other_statics
@@ -65,10 +72,12 @@ impl Ram {
             ("samples", matcher.samples, "the centre's samples in two lines, and the penalties by their change"),
             ("rectified", matcher.rectified, "lines of the frames that rectified lines are interpolated from"),
             ("network", matcher.network, "the frames, what the network sees of them, and its activations"),
+            ("state", matcher.state, "what a sweep knows of each pixel, from frame to frame"),
+            ("equations", matcher.equations, "lines of the centre and the frame under the block, and what is measured there"),
             (
                 "confidence",
                 confidence,
-                "lines of disparities and peak ratios that confidences are computed from, and a line of these",
+                "lines of disparities and evidence that confidences are computed from, and a line of these",
             ),
             ("disparities", line, "the disparity line being computed"),
             ("packet", packet + padding, "the packet of a line, before and after COBS encoding"),

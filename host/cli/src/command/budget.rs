@@ -8,8 +8,11 @@ use multiscopic::{
     files::output,
     target::{Buffer, Ram, ram::widest_tile},
 };
-use multiscopic_core::{Fusion, SearchSpace, SemiGlobalCost, SemiGlobalParams, network::NetworkParams};
-use multiscopic_edge::{Matching, Profile, WholeLines, profile};
+use multiscopic_core::{Fusion, SearchSpace, SemiGlobalCost, SemiGlobalParams, SweepParams, Views, network::NetworkParams};
+use multiscopic_edge::{
+    Matching, Profile, WholeLines,
+    profile::{self, QQVGA_SWEEP},
+};
 use serde::Serialize;
 
 use super::{
@@ -28,6 +31,9 @@ use super::{
 /// takes, without the RAM of lines and displacements. Semi-global matching of more than four views, or with --fusion half, is
 /// not predicted.
 ///
+/// For a sweep, all of these are of one frame and of a map that is sent after it, on average over 32 frames of the scene of the demo,
+/// from the centre outwards. Where there is no texture, the filter searches in each frame: made-up scenes take 0.8 to 1.8 times as much.
+///
 /// Time depends on the average cycles per instruction. They come from Arm's manual (M4) and LLVM's models of the
 /// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part. Arm publishes none for
 /// the M33, which is taken to be as slow as an M4. For the M0+ and RISC-V, none are known without --cpi.
@@ -40,7 +46,7 @@ use super::{
 pub struct Budget {
     /// Firmware profile
     #[arg(long, value_name = "NAME", conflicts_with_all = SET_BY_PROFILE,
-        value_parser = profile::ALL.map(|profile| profile.name))]
+        value_parser = profile::ALL.iter().map(|profile| profile.name).chain([QQVGA_SWEEP.name]).collect::<Vec<_>>())]
     profile: Option<String>,
 
     /// Frame width in pixels
@@ -59,8 +65,9 @@ pub struct Budget {
     #[arg(long, value_name = "N")]
     tile_width: Option<usize>,
 
-    /// Method: block matching, semi-global matching with sums of absolute differences, or the network
-    #[arg(long, value_name = "METHOD", value_parser = ["bm", "sgm", "net"], default_value = "bm")]
+    /// Method: block matching, semi-global matching with sums of absolute differences, the network, or the filter over the frames of
+    /// a sweep, with blocks of 3, 5 or 7
+    #[arg(long, value_name = "METHOD", value_parser = ["bm", "sgm", "net", SWEEP], default_value = "bm")]
     method: String,
 
     /// Confidences as well, which the network always gives
@@ -90,6 +97,9 @@ pub struct Budget {
     json: bool,
 }
 
+/// The name of the filter over the frames of a sweep.
+const SWEEP: &str = "sweep";
+
 /// The options that a profile sets.
 const SET_BY_PROFILE: [&str; 9] =
     ["width", "height", "views", "tile_width", "method", "confidences", "min_disparity", "num_disparities", "block_size"];
@@ -97,50 +107,89 @@ const SET_BY_PROFILE: [&str; 9] =
 impl Budget {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let profile = profile::ALL.into_iter().find(|profile| Some(profile.name) == self.profile.as_deref());
-        let matching = match profile {
-            Some(profile) => self.profile_matching(&profile),
-            None => self.custom_matching()?,
-        };
         let core = self.target.core;
-        if core.firmware_costs().flash.of(&matching) == 0 {
-            let message = format!("the memory of {} on {} was not measured", matching.name(), core.name());
-            return Err(Error::Usage(message));
-        }
-        if self.rectified && core.firmware_costs().rectified_pixel.is_none() {
-            return Err(Error::Usage(format!("--rectified: what a pixel takes was not measured on {}", core.name())));
-        }
-        let checked =
-            [("--fps", self.target.fps), ("--joules", self.target.joules)].into_iter().find(|(_, limit)| limit.is_some());
-        if let Some((option, _)) = checked
-            && core.instructions(&matching).is_none()
-        {
-            let message = format!(
-                "{option} cannot be checked: the instructions are not predicted for this match, see `multiscopic budget --help`"
-            );
-            return Err(Error::Usage(message));
-        }
-        if self.target.joules.is_some() && self.target.energy_per_cycle().is_none() {
-            let core = core.name();
-            let message =
-                format!("--joules cannot be checked: no energy per cycle is known for {core}, give --nanojoules-per-cycle");
-            return Err(Error::Usage(message));
-        }
-        for (option, limit) in [("--fps", self.target.fps), ("--joules", self.target.joules)] {
-            if limit.is_some() && self.target.cycles_per_instruction().is_none() {
-                let core = core.name();
-                return Err(Error::Usage(format!("{option} cannot be checked: no cycles are known for {core}, give --cpi")));
+        let unmeasured = |name: &str| Error::Usage(format!("the memory of {name} on {} was not measured", core.name()));
+        let (prediction, matching) = match self.sweep()? {
+            Some(params) => (Prediction::of_sweep(&self.target, &params).ok_or_else(|| unmeasured("a sweep"))?, None),
+            None => {
+                let matching = self.matching()?;
+                if core.firmware_costs().flash.of(&matching) == 0 {
+                    return Err(unmeasured(matching.name()));
+                }
+                if self.rectified && core.firmware_costs().rectified_pixel.is_none() {
+                    return Err(Error::Usage(format!("--rectified: what a pixel takes was not measured on {}", core.name())));
+                }
+                (Prediction::new(&self.target, &matching, &Ram::new(&matching, core), self.rectified), Some(matching))
             }
-        }
-        if let Some(path) = &self.header {
-            let header = c_header(&matching)?;
+        };
+        self.check_limits(&prediction)?;
+        if let (Some(path), Some(matching)) = (&self.header, &matching) {
+            let header = c_header(matching)?;
             output::write(path, |file| file.write_all(header.as_bytes()))?;
         }
-        let prediction = Prediction::new(&self.target, &matching, &Ram::new(&matching, core), self.rectified);
         terminal::print_report(&prediction, self.json)?;
-        let failures = self.failures(&prediction, &matching);
+        let failures = self.failures(&prediction, matching.as_ref());
         failures.iter().for_each(|failure| terminal::complain(failure));
         Ok(ExitCode::from(if failures.is_empty() { 0 } else { 1 }))
+    }
+
+    /// Refuses a limit of time or energy that cannot be checked.
+    fn check_limits(&self, prediction: &Prediction) -> Result<()> {
+        let core = self.target.core.name();
+        for (option, _) in
+            [("--fps", self.target.fps), ("--joules", self.target.joules)].iter().filter(|(_, limit)| limit.is_some())
+        {
+            let reason = if prediction.instructions.is_none() {
+                "the instructions are not predicted for this match, see `multiscopic budget --help`".into()
+            } else if *option == "--joules" && prediction.nanojoules_per_cycle.is_none() {
+                format!("no energy per cycle is known for {core}, give --nanojoules-per-cycle")
+            } else if prediction.cycles_per_instruction.is_none() {
+                format!("no cycles are known for {core}, give --cpi")
+            } else {
+                continue;
+            };
+            return Err(Error::Usage(format!("{option} cannot be checked: {reason}")));
+        }
+        Ok(())
+    }
+
+    /// Returns the sweep that is filtered, if it is one.
+    fn sweep(&self) -> Result<Option<SweepParams>> {
+        let is_profile = self.profile.as_deref() == Some(QQVGA_SWEEP.name);
+        if !is_profile && (self.profile.is_some() || self.method != SWEEP) {
+            return Ok(None);
+        }
+        let unheeded = [
+            ("--views", self.views.is_some()),
+            ("--tile-width", self.tile_width.is_some()),
+            ("--confidences", self.confidences),
+            ("--rectified", self.rectified),
+            ("--fusion", self.fusion.is_some()),
+            ("--header", self.header.is_some()),
+        ];
+        if let Some((option, _)) = unheeded.iter().find(|(_, is_given)| *is_given) {
+            return Err(Error::Usage(format!("{option} is not for sweeps: leave it out")));
+        }
+        if is_profile {
+            return Ok(Some(QQVGA_SWEEP.params));
+        }
+        let search = self.search.search(self.size(), Views::STEREO, None, SearchOptions::DEFAULT_RANGE)?;
+        let block_size = self.search.block_size.unwrap_or(2 * QQVGA_SWEEP.params.radius() as u8 + 1);
+        if ![3, 5, 7].contains(&block_size) {
+            return Err(Error::Usage(format!("--block-size is {block_size}, that of a sweep must be 3, 5 or 7")));
+        }
+        let params = SweepParams::new(search, QQVGA_SWEEP.params.noise_q4(), block_size / 2);
+        params.map(Some).map_err(|error| Error::Usage(error.to_string()))
+    }
+
+    /// Returns the match of a profile, or that of the options.
+    fn matching(&self) -> Result<Matching> {
+        let profile = profile::ALL.into_iter().find(|profile| Some(profile.name) == self.profile.as_deref());
+        profile.map_or_else(|| self.custom_matching(), |profile| Ok(self.profile_matching(&profile)))
+    }
+
+    fn size(&self) -> [usize; 2] {
+        [self.width, self.height].map(|side| usize::from(side.unwrap_or_default()))
     }
 
     fn profile_matching(&self, profile: &Profile) -> Matching {
@@ -150,9 +199,8 @@ impl Budget {
 
     /// Returns the matching that is computed without a profile.
     fn custom_matching(&self) -> Result<Matching> {
-        let size = [self.width, self.height].map(|side| usize::from(side.unwrap_or_default()));
         let views = views_of_count(self.views.unwrap_or(4))?;
-        let params = self.search.params(self.search.search(size, views, self.fusion, SearchOptions::DEFAULT_RANGE)?)?;
+        let params = self.search.params(self.search.search(self.size(), views, self.fusion, SearchOptions::DEFAULT_RANGE)?)?;
         if self.method != "bm" && self.tile_width.is_some() {
             return Err(Error::Usage("--tile-width is for block matching: paths lead through the whole line".into()));
         }
@@ -180,14 +228,12 @@ impl Budget {
     }
 
     /// A message for each requirement that is not met.
-    fn failures(&self, prediction: &Prediction, matching: &Matching) -> Vec<String> {
+    fn failures(&self, prediction: &Prediction, matching: Option<&Matching>) -> Vec<String> {
         let mut failures = Vec::new();
         if let Some(limit) = self.target.ram.filter(|limit| prediction.ram_total > *limit) {
             let tile = match matching {
-                Matching::Blocks { params, .. } => widest_tile(params, self.target.core, limit),
-                Matching::SemiGlobal(_) | Matching::AroundPrior { .. } | Matching::WithConfidences(_) | Matching::Network(_) => {
-                    None
-                }
+                Some(Matching::Blocks { params, .. }) => widest_tile(params, self.target.core, limit),
+                _ => None,
             };
             let tile = tile.filter(|&width| width < prediction.tile_width);
             let hint = tile.map(|width| format!("; narrower column tiles would fit: --tile-width {width}")).unwrap_or_default();
@@ -270,11 +316,6 @@ impl TargetOptions {
         }
     }
 
-    /// Average cycles per instruction, if they are known.
-    fn cycles_per_instruction(&self) -> Option<f64> {
-        self.cpi.or(self.core.cycles_per_instruction())
-    }
-
     /// Nanojoules of a cycle, if they are known.
     fn energy_per_cycle(&self) -> Option<f64> {
         self.nanojoules_per_cycle.or(self.core.nanojoules_per_cycle())
@@ -293,13 +334,16 @@ fn bytes(text: &str) -> Result<usize> {
 }
 
 /// The prediction; `--json` prints these fields.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub struct Prediction {
     method: &'static str,
     width: usize,
     height: usize,
-    views: usize,
-    fusion: &'static str,
+    /// `None`, as the fusion and the evaluations, for a sweep.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    views: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fusion: Option<&'static str>,
     min_disparity: i16,
     num_disparities: usize,
     /// That of the sums of absolute differences; the network has none.
@@ -317,13 +361,17 @@ pub struct Prediction {
     ram_total: usize,
     /// The most bytes of flash that a profile with this method takes.
     flash: usize,
-    de: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    de: Option<u64>,
     /// `None`, as all that follows from it, if the model does not cover the match.
     instructions: Option<f64>,
     instructions_per_de: Option<f64>,
     /// Those of all instructions that rectify lines.
     #[serde(skip_serializing_if = "Option::is_none")]
     rectifying: Option<f64>,
+    /// Those of all instructions for a frame of a sweep that send the map after it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sending: Option<f64>,
     clock_mhz: f64,
     cycles_per_instruction: Option<f64>,
     seconds: Option<f64>,
@@ -365,62 +413,93 @@ impl Prediction {
     pub fn new(target: &TargetOptions, matching: &Matching, ram: &Ram, rectified: bool) -> Prediction {
         let search = matching.search();
         let processor = target.core;
-        let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
-        let cycles_per_instruction = target.cycles_per_instruction();
         let fetched =
             |search: &SearchSpace| matching.tiles().count() * (1 + search.views().len()) * search.width() * search.height();
         let price = processor.firmware_costs().rectified_pixel.filter(|_| rectified);
         let rectifying = price.map(|price| (price * matching.searches().map(fetched).sum::<usize>() as f64).round());
         let instructions = processor.instructions(matching).map(|matching| matching.round() + rectifying.unwrap_or_default());
+        Prediction {
+            method: matching.name(),
+            views: Some(matching.views().len()),
+            fusion: Some(search.fusion().name()),
+            block_size: matching.block_matching().map(|params| params.block_size()),
+            long: LongSearch::of(matching),
+            tile_width: matching.tile_width(),
+            flash: processor.firmware_costs().flash.of(matching),
+            de: Some(matching.evaluations()),
+            instructions_per_de: instructions.map(|instructions| instructions / matching.evaluations() as f64),
+            rectifying,
+            lines_latency: matching.latency_lines(),
+            tile_passes: matching.tiles().count(),
+            ..Prediction::of_work(target, search, ram, instructions, processor.cycles_per_instruction())
+        }
+    }
+
+    /// Predicts a frame of a sweep on `target`, and the map after it. `None` if sweeps were not measured there.
+    pub fn of_sweep(target: &TargetOptions, params: &SweepParams) -> Option<Prediction> {
+        let (costs, search) = (target.core.firmware_costs().sweep.as_ref()?, params.search());
+        let [refining, sending] = costs.prices.instructions(params).map(f64::round);
+        let cycles_per_instruction = costs.cycles_per_instruction.get(target.core.name()).copied();
+        let ram = Ram::of_sweep(params, target.core)?;
+        Some(Prediction {
+            method: SWEEP,
+            block_size: Some(2 * params.radius() + 1),
+            tile_width: search.width(),
+            flash: costs.flash,
+            sending: Some(sending),
+            lines_latency: search.height(),
+            tile_passes: 1,
+            ..Prediction::of_work(target, search, &ram, Some(refining + sending), cycles_per_instruction)
+        })
+    }
+
+    /// Predicts what follows from the instructions, the memory and the search.
+    fn of_work(
+        target: &TargetOptions,
+        search: &SearchSpace,
+        ram: &Ram,
+        instructions: Option<f64>,
+        cycles_per_instruction: Option<f64>,
+    ) -> Prediction {
+        let clock_mhz = target.clock.unwrap_or(target.core.clock_mhz());
+        let cycles_per_instruction = target.cpi.or(cycles_per_instruction);
         let cycles = instructions.zip(cycles_per_instruction).map(|(instructions, cycles)| instructions * cycles);
         let seconds = cycles.map(|cycles| cycles / (clock_mhz * 1e6));
         let nanojoules_per_cycle = target.energy_per_cycle();
         Prediction {
-            method: matching.name(),
             width: search.width(),
             height: search.height(),
-            views: matching.views().len(),
-            fusion: search.fusion().name(),
             min_disparity: search.min_disparity(),
             num_disparities: search.num_disparities(),
-            block_size: matching.block_matching().map(|params| params.block_size()),
-            long: LongSearch::of(matching),
-            tile_width: matching.tile_width(),
-            core: processor.name(),
+            core: target.core.name(),
             ram: ram.buffers().iter().map(|buffer| (buffer.name, buffer.bytes)).collect(),
             ram_static: ram.statics(),
             stack_max: ram.stack,
             ram_total: ram.bytes(),
-            flash: processor.firmware_costs().flash.of(matching),
-            de: matching.evaluations(),
             instructions,
-            instructions_per_de: instructions.map(|instructions| instructions / matching.evaluations() as f64),
-            rectifying,
             clock_mhz,
             cycles_per_instruction,
             seconds,
             fps: seconds.map(f64::recip),
             nanojoules_per_cycle,
             joules: cycles.zip(nanojoules_per_cycle).map(|(cycles, nanojoules)| cycles * nanojoules * 1e-9),
-            lines_latency: matching.latency_lines(),
-            tile_passes: matching.tiles().count(),
-            buffers: ram.buffers().to_vec(),
+            buffers: ram.buffers(),
+            ..Prediction::default()
         }
     }
 }
 
 impl fmt::Display for Prediction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Prediction {
-            method, width, height, views, fusion, min_disparity, num_disparities, block_size, tile_width, core, ..
-        } = self;
+        let Prediction { method, width, height, min_disparity, num_disparities, block_size, tile_width, core, .. } = self;
         let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
-        let block = block_size.map_or_else(String::new, |size| format!("block {size}, "));
-        writeln!(
-            f,
-            "{method}, {width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, {block}column tiles of \
-             {tile_width}"
-        )?;
+        let block = block_size.map(|size| format!(", block {size}")).unwrap_or_default();
+        let of_views = self
+            .views
+            .zip(self.fusion)
+            .map(|(views, fusion)| (format!(", views {views}, {fusion}"), format!(", column tiles of {tile_width}")));
+        let (views, tiles) = of_views.unwrap_or_default();
+        writeln!(f, "{method}, {width}x{height}{views}, disparities {min_disparity}..={last}{block}{tiles}")?;
         if let Some(LongSearch { views, min_disparity, num_disparities, block_size }) = &self.long {
             let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
             writeln!(f, "around them in views {views}: disparities {min_disparity}..={last}, block {block_size}")?;
@@ -436,12 +515,21 @@ impl fmt::Display for Prediction {
             self.ram_total, self.ram_static, self.stack_max
         )?;
         writeln!(f, "{:>12}  bytes of flash at most, with constant parameters, packets and a log", self.flash)?;
-        writeln!(f, "{:>12}  evaluations (DE: pixel x disparity x view)", self.de)?;
+        if let Some(de) = self.de {
+            writeln!(f, "{de:>12}  evaluations (DE: pixel x disparity x view)")?;
+        }
         if let (Some(instructions), Some(per_de)) = (self.instructions, self.instructions_per_de) {
             let rectifying = self.rectifying.map(|count| format!(", {count:.0} to rectify lines")).unwrap_or_default();
             writeln!(
                 f,
                 "{instructions:>12.0}  instructions on a {core}, predicted: {per_de:.2} per DE, without fetching lines{rectifying}"
+            )?;
+        } else if let (Some(instructions), Some(sending)) = (self.instructions, self.sending) {
+            let per_pixel = instructions / (width * height) as f64;
+            writeln!(
+                f,
+                "{instructions:>12.0}  instructions on a {core} for a frame and a map after it, predicted: {per_pixel:.0} per pixel, \
+                 without fetching lines, {sending:.0} to send the map"
             )?;
         } else {
             writeln!(f, "{:>12}  instructions, time and energy are not predicted for this match: see --help", "?")?;

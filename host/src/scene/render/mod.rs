@@ -5,8 +5,8 @@ mod tracer;
 
 use std::ops::Add;
 
-use image::RgbImage;
-use multiscopic_core::{Frame, Views};
+use image::{GrayImage, RgbImage};
+use multiscopic_core::{Frame, SweepOffset, View, Views};
 use rayon::prelude::*;
 
 use self::rays::{RUN, Rays};
@@ -16,7 +16,7 @@ use super::{
     hash,
     pinhole_camera::{PinholeCamera, PosedCamera, frame_number},
 };
-use crate::images::{FloatImage, Raster};
+use crate::images::{FloatImage, Picture, Raster};
 
 pub use self::{
     rays::{Quality, develop},
@@ -44,6 +44,23 @@ pub fn render_views(scene: &Scene, camera: &PinholeCamera, views: Views, seed: u
         neighbors: views.iter().map(|view| (view, render_frame(&tracer, camera, Frame::View(view), seed))).collect(),
         truth: true_disparity(&tracer, camera),
     }
+}
+
+/// Renders the grey frames of a sweep: the centre, and `steps` frames to each side, nearest first, of two the right one first. The
+/// farthest are a baseline away.
+///
+/// # Panics
+/// If the camera has no pixels, or `steps` is not from 1 to [`View::MAX_OFFSET`].
+pub fn render_sweep(scene: &Scene, camera: &PinholeCamera, steps: i8, seed: u64) -> (GrayImage, Vec<(SweepOffset, GrayImage)>) {
+    assert!((1..=View::MAX_OFFSET).contains(&steps), "{steps} steps");
+    let tracer = Tracer::new(scene, Quality::Fine);
+    let camera = PinholeCamera { baseline_mm: camera.baseline_mm / f64::from(steps), ..*camera };
+    let gray = |frame| Picture::Rgb(render_frame(&tracer, &camera, frame, seed)).to_gray();
+    let frames = (1..=steps).flat_map(|step| [step, -step]).map(|step| {
+        let (view, bits) = (View::new(step, 0), i32::from(step) * SweepOffset::STEPS / i32::from(steps));
+        (SweepOffset::from_bits(bits).expect("at most a baseline"), gray(Frame::View(view.expect("at most as far as views"))))
+    });
+    (gray(Frame::Center), frames.collect())
 }
 
 /// Renders what a camera sees of a scene: black where its lens sees nothing. The seed decides the sensor's noise.

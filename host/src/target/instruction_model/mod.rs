@@ -7,17 +7,20 @@
 //!
 //! The model leaves out two things: fetching lines, and block sums that saturate in 16 bits and are computed
 //! again, which depends on the images. With the mean of blocks of 13 and 15, a match may take a third more.
+//!
+//! Sweeps have a model of their own ([`SweepUnits`]). `cargo xtask edge --profile qqvga-sweep --update` fits its prices.
 
 mod workload;
 
 use std::collections::BTreeMap;
 
+use multiscopic_core::SweepParams;
 use multiscopic_edge::Matching;
 use serde::{Deserialize, Serialize};
 
 use super::Processor;
 
-pub use workload::{CandidateUnits, WorkUnits, Workload, kernel_name};
+pub use workload::{CandidateUnits, SweepUnits, WorkUnits, Workload, kernel_name};
 
 /// Prices in instructions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -41,6 +44,14 @@ impl Prices {
         }
         // Without prices nothing is known.
         (sum > 0.0).then_some(sum)
+    }
+}
+
+impl SweepUnits {
+    /// The instructions for a frame of a sweep, and those for a map after it, at these prices. Sending is included, fetching lines is
+    /// not.
+    pub fn instructions(&self, params: &SweepParams) -> [f64; 2] {
+        [SweepUnits::of_frame(params), SweepUnits::of_map(params)].map(|units| added(units.to_array(), self.to_array()))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use multiscopic_core::{BlockMatchingParams, SearchSpace, View, kernel::Rule};
+use multiscopic_core::{BlockMatchingParams, SearchSpace, SweepParams, View, kernel::Rule};
 use multiscopic_edge::{Matching, WholeLines};
 use serde::{Deserialize, Serialize};
 
@@ -397,6 +397,32 @@ units! {
         masked,
         /// Candidates in pixels that are fused by segments.
         segmented,
+    }
+}
+
+units! {
+    /// The number of times that each unit of work is done for a frame of a sweep, or for a map that is sent; or its price, in
+    /// instructions.
+    SweepUnits {
+        /// Pixels of a frame.
+        pixel,
+        /// Pixels under the blocks of these that are summed, every second as on a chessboard.
+        summed,
+        /// Pixels of a map.
+        sent_pixel,
+    }
+}
+
+impl SweepUnits {
+    /// The work for a frame.
+    pub fn of_frame(params: &SweepParams) -> SweepUnits {
+        let (pixels, block) = (SweepUnits::of_map(params).sent_pixel, count(2 * params.radius() + 1));
+        SweepUnits { pixel: pixels, summed: pixels * (block * block + 1.0) / 2.0, ..SweepUnits::default() }
+    }
+
+    /// The work for a map.
+    pub fn of_map(params: &SweepParams) -> SweepUnits {
+        SweepUnits { sent_pixel: count(params.search().width() * params.search().height()), ..SweepUnits::default() }
     }
 }
 

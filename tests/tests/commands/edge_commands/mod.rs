@@ -2,6 +2,7 @@
 
 mod packet_streams;
 mod simulations;
+mod sweeps;
 
 use std::{fs, path::Path, process::Command};
 

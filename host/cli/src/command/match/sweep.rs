@@ -5,8 +5,7 @@ use std::time::Instant;
 use image::GrayImage;
 use multiscopic::{
     DisparityMap, Engine, Error, Result,
-    images::noise,
-    stereo::{Estimate, Method, confidence_map, dense_sweep, growing_sweep},
+    stereo::{Estimate, Method, SweepFrames, confidence_map, dense_sweep, growing_sweep},
 };
 use multiscopic_core::{Frame, SweepOffset, SweepParams};
 
@@ -58,9 +57,6 @@ const OBEYED: [&str; 33] = [
     "shrink",
 ];
 
-/// The radius of the blocks.
-const RADIUS: u8 = 2;
-
 /// The most steps that a page shows.
 const MOST_STEPS: usize = 16;
 
@@ -93,7 +89,7 @@ impl Match {
                 option.replace('_', "-")
             )));
         }
-        let whole = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &loaded.frames)?;
+        let whole = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &loaded.swept.frames)?;
         let truth = self.check_outputs(&source, outputs)?;
         let mut warnings = Vec::new();
         if let Some(factor) = self.shrink {
@@ -101,7 +97,8 @@ impl Match {
             loaded = source.load_sweep()?.expect("it is a sweep still");
         }
         let (geometry, preparation, params) = loop {
-            let LoadedSweep { frames, undistortion, .. } = &mut loaded;
+            let LoadedSweep { swept, undistortion, .. } = &mut loaded;
+            let frames = &mut swept.frames;
             let mut geometry = whole.map(|geometry| geometry.shrunk(source.shrink()));
             let (size, views) = (frames.size(), frames.views());
             self.limits.check(size)?;
@@ -120,14 +117,12 @@ impl Match {
                 loaded = source.load_sweep()?.expect("it is a sweep still");
                 continue;
             }
-            let center = frames.get(Frame::Center).expect("a rig has a centre");
-            let [least, most] = SweepParams::NOISE_RANGE;
-            let noise_q4 = (16.0 * noise(center)).round().clamp(least.into(), most.into()) as u16;
-            let params = SweepParams::new(preparation.search, noise_q4, RADIUS)
-                .map_err(|error| Error::Usage(format!("{error}: give a smaller --num-disparities, or --shrink")))?;
+            let params = swept.params(preparation.search);
+            let params =
+                params.map_err(|error| Error::Usage(format!("{error}: give a smaller --num-disparities, or --shrink")))?;
             break (geometry, preparation, params);
         };
-        let LoadedSweep { frames, center, undistortion, placed } = loaded;
+        let LoadedSweep { swept: SweepFrames { frames, placed, .. }, center, undistortion } = loaded;
         let frame_tree = source.frame_tree(undistortion.as_ref(), None, outputs.hand_eye.as_deref())?;
         let frame = outputs.frame(&frame_tree)?;
         let center = outputs.has_center().then(|| match &undistortion {

@@ -7,14 +7,14 @@ use std::{
 };
 
 use clap::Args;
-use image::GrayImage;
 use multiscopic::{
     Alignment, Error, Frames, Geometry, Picture, Result, Rig,
     files::{FrameFiles, SweepFrame},
     images::{BitDepth, FrameTree, Transform},
     lens::{HandEye, LensFile, Undistortion},
+    stereo::SweepFrames,
 };
-use multiscopic_core::{Frame, ParseViewError, SweepOffset, View, Views};
+use multiscopic_core::{Frame, ParseViewError, View, Views};
 
 use super::{
     BitsOption,
@@ -81,14 +81,12 @@ pub struct Source {
 
 /// The frames of a sweep, without distortion.
 pub struct LoadedSweep {
-    /// The centre, and as its views the frames nearest to a baseline away.
-    pub frames: Frames,
+    /// The frames, from the centre outwards.
+    pub swept: SweepFrames,
     /// The centre as the picture in its file, with its colours and its distortion.
     pub center: Picture,
     /// The undistortion that they went through.
     pub undistortion: Option<Undistortion>,
-    /// All frames but the centre in grey, from the centre outwards, and their places.
-    pub placed: Vec<(SweepOffset, GrayImage)>,
 }
 
 impl Source {
@@ -174,29 +172,15 @@ impl Source {
         let paths: Vec<&Path> = self.images.paths().chain(self.sweep.iter().map(|(_, path)| &**path)).collect();
         self.images.bits = depth_of(&self.bits, self.images.bits, &paths)?;
         let mut undistortion = None;
-        let (mut frames, center) = self.read(&self.images, &mut undistortion)?;
-        let (mut placed, mut at_baseline) = (Vec::new(), [(View::LEFT, -1.0, f64::INFINITY), (View::RIGHT, 1.0, f64::INFINITY)]);
+        let picture = |frames: &Frames| frames.picture(Frame::Center).expect("frames have a centre");
+        let (frames, center) = self.read(&self.images, &mut undistortion)?;
+        let mut swept = SweepFrames::new(picture(&frames));
         for (offset, path) in &self.sweep {
             let images = FrameFiles { center: path.clone(), ..self.images.clone() };
-            let (frame, _) = self.read(&images, &mut undistortion)?;
-            if frame.size() != frames.size() {
-                let [[width, height], [w, h]] = [frames.size(), frame.size()];
-                let (found, expected) = (format!("{w}x{h} pixels"), format!("{width}x{height} as in the centre"));
-                return Err(Error::Format { path: images.center, found, expected });
-            }
-            for (view, place, least) in &mut at_baseline {
-                let distance = (offset - *place).abs();
-                if distance <= SweepFrame::TOLERANCE && distance < *least {
-                    *least = distance;
-                    frames = frames.with_picture(*view, frame.picture(Frame::Center).expect("a frame has a centre"));
-                }
-            }
-            let bits = (offset * f64::from(SweepOffset::STEPS)).round() as i32;
-            let gray = frame.get(Frame::Center).expect("a frame has a centre").clone();
-            placed.extend(SweepOffset::from_bits(bits).map(|offset| (offset, gray)));
+            swept.push(path, *offset, picture(&self.read(&images, &mut undistortion)?.0))?;
         }
         let center = if self.shrink > 1 { center.shrunk(self.shrink) } else { center };
-        Ok(Some(LoadedSweep { frames, center, undistortion, placed }))
+        Ok(Some(LoadedSweep { swept, center, undistortion }))
     }
 
     /// The pictures of the frames, read again in all their bits, without distortion and rectified.

@@ -188,6 +188,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         "budget",
         &[
             ("A profile of the firmware", "multiscopic budget --profile qvga"),
+            ("A frame of a sweep", "multiscopic budget --profile qqvga-sweep --core cortex-m7 --fps 5"),
             (
                 "A search of your own, which must fit",
                 "multiscopic budget --width 320 --height 240 --num-disparities 32 \\\n    --core cortex-m7 --ram 512KiB --fps 2",
@@ -199,6 +200,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         &[
             ("The scene of the demo", "multiscopic simulate --profile qqvga -o disparity.pfm"),
             ("Your own frames, cropped to the middle", "multiscopic simulate --profile qvga rig -o disparity.pfm"),
+            ("A sweep, a map after each pair", "multiscopic simulate --profile qqvga-sweep sweep --maps maps"),
         ],
     ),
     (

@@ -125,6 +125,9 @@ const SAMPLED: usize = 3;
 /// The matches on each board that the model is checked on. It is not fitted to them.
 const CHECKS: usize = 6;
 
+/// The largest error of the cost model, in percent: that of the mean of four views. Most others are below 10.
+pub const MOST_OFF: f64 = 16.0;
+
 /// The worst matches of a board that are printed.
 const WORST: usize = 5;
 
@@ -543,8 +546,13 @@ fn measured(counted: &[Instructions], part: impl Fn(&Instructions) -> u64) -> Ve
     counted.iter().map(|instructions| part(instructions) as f64).collect()
 }
 
+/// Writes the costs that `multiscopic budget` knows.
+pub fn write(table: &FirmwareCostTable) -> Result<()> {
+    Ok(fs::write(system::root().join("host/src/target/measured.toml"), table.to_toml())?)
+}
+
 /// Rounds to a thousandth of an instruction.
-fn rounded(price: f64) -> f64 {
+pub fn rounded(price: f64) -> f64 {
     (price * 1000.0).round() / 1000.0
 }
 
@@ -574,7 +582,7 @@ fn weight(column: usize) -> f64 {
 /// measurement `i`; with little weight, also the relative error against the `prior` prices that are not 0, and `x` itself.
 ///
 /// Projected coordinate descent on the normal equations: optimises one price at a time until nothing changes.
-fn least_squares(rows: &[Vec<f64>], measured: &[f64], prior: &[f64]) -> Vec<f64> {
+pub fn least_squares(rows: &[Vec<f64>], measured: &[f64], prior: &[f64]) -> Vec<f64> {
     let columns = rows.first().map_or(prior.len(), Vec::len);
     let relative = rows.iter().zip(measured).map(|(row, m)| (row.iter().map(|count| count / m).collect::<Vec<_>>(), 1.0));
     let known = prior.iter().enumerate().filter(|(_, price)| **price > 0.0).map(|(j, price)| {

@@ -24,14 +24,12 @@ use crate::{
     },
     firmware_checks::{
         frames::{self, ImageSet},
-        price_fit, rectifying, sweeping,
+        price_fit::{self, MOST_OFF},
+        rectifying, sweeping,
     },
     system::{self, command, in_parallel, read},
     tools::Toolchain,
 };
-
-/// The largest error of the cost model, in percent: that of the mean of four views. Most others are below 10.
-const MOST_OFF: f64 = 16.0;
 
 /// The rules that are measured with a profile: those for which microcontrollers have loops. [`Fusion::Half`] of up to four
 /// views is fused exactly, one candidate at a time.
@@ -224,7 +222,7 @@ fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
                 .for_each(|processor| table.of_mut(processor).forget_memory());
         }
         note_memory(&mut table, &runs, &measurements);
-        write(&table)?;
+        price_fit::write(&table)?;
     }
     for (run, measurement) in runs.iter().zip(&mut measurements) {
         measurement.predict(run, &table);
@@ -252,11 +250,7 @@ fn fit(selection: &Selection) -> Result<()> {
     table.date = read(&mut command("date", ["-u", "+%Y-%m-%d"]))?;
     table.machine = format!("{}, {compiler}", counter.emulator());
     price_fit::fit_all(&mut table, |board| wanted(&selection.board, board.name), &counter)?;
-    write(&table)
-}
-
-fn write(table: &FirmwareCostTable) -> Result<()> {
-    Ok(fs::write(system::root().join("host/src/target/measured.toml"), table.to_toml())?)
+    price_fit::write(&table)
 }
 
 /// Adds the measured memory to the table.

@@ -1,5 +1,7 @@
 //! `multiscopic simulate`: the firmware's pipeline on this machine.
 
+mod sweep;
+
 use std::{
     collections::BTreeMap,
     fmt,
@@ -15,7 +17,10 @@ use multiscopic::{
     target::{Ram, Simulation, reception, simulate},
 };
 use multiscopic_core::{Fusion, SearchSpace, Views};
-use multiscopic_edge::{Matching, Profile, profile};
+use multiscopic_edge::{
+    Matching, Profile,
+    profile::{self, QQVGA_SWEEP},
+};
 use serde::Serialize;
 
 use super::{
@@ -30,8 +35,10 @@ pub struct Simulate {
     #[command(flatten)]
     source: SourceOptions,
 
-    /// Firmware profile; larger frames are cropped to the middle, and without frames the scene of `multiscopic demo` is rendered
-    #[arg(long, value_name = "NAME", value_parser = profile::ALL.map(|profile| profile.name))]
+    /// Firmware profile; larger frames are cropped to the middle, and without frames the scene of `multiscopic demo` is rendered.
+    /// qqvga-sweep takes the folder of a sweep, refines with its frames from the centre outwards, and sends a map after each second
+    #[arg(long, value_name = "NAME",
+        value_parser = profile::ALL.iter().map(|profile| profile.name).chain([QQVGA_SWEEP.name]).collect::<Vec<_>>())]
     profile: String,
 
     /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
@@ -46,23 +53,33 @@ pub struct Simulate {
     #[arg(long)]
     json: bool,
 
-    /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy, OUT.npz)
+    /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy, OUT.npz); of a sweep, those after its last frame
     #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output", value_parser = output_file::floats())]
     output: Option<PathBuf>,
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
-    /// needs a profile that computes them: qvga-confidence, qqvga-sgm-confidence or qqvga-net
+    /// needs a profile that computes them: qvga-confidence, qqvga-sgm-confidence, qqvga-net or qqvga-sweep
     #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png())]
     confidence: Option<PathBuf>,
 
     /// Packets as the firmware sends them, except that the last one lacks the stack depth, which is unknown here
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     packets: Option<PathBuf>,
+
+    /// All maps of a sweep, as PFM files that are named by the number of frames before them
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    maps: Option<PathBuf>,
 }
 
 impl Simulate {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
+        if self.profile == QQVGA_SWEEP.name {
+            return self.run_sweep(&QQVGA_SWEEP);
+        }
+        if self.maps.is_some() {
+            return Err(Error::Usage(format!("--maps is for sweeps: give --profile {}", QQVGA_SWEEP.name)));
+        }
         let profile = profile::ALL.into_iter().find(|profile| profile.name == self.profile);
         let profile = profile.expect("the parser admits the profiles' names alone");
         let views = profile.matching(Fusion::Min).search().views();
@@ -101,8 +118,7 @@ impl Simulate {
 
     /// The frames in the size of the profile, and `"demo"` or `"given"` for the report.
     fn frames(&self, profile: &Profile, search: &SearchSpace, views: Views) -> Result<(Frames, &'static str)> {
-        let outputs = [&self.output, &self.confidence, &self.packets];
-        let outputs: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
+        let outputs = self.outputs();
         let [width, height] = [search.width(), search.height()];
         let Some(mut source) = self.source.source()? else {
             output::check(&outputs, &[])?;
@@ -115,16 +131,22 @@ impl Simulate {
             return Err(Error::Usage(message));
         }
         let (frames, ..) = source.load()?;
-        let [w, h] = frames.size();
-        if w < width || h < height {
-            return Err(Error::Format {
-                path: source.images.center,
-                found: format!("{w}x{h} pixels"),
-                expected: format!("at least {width}x{height}, the frame of profile {}", profile.name),
-            });
-        }
+        check_size(frames.size(), [width, height], source.images.center, profile.name)?;
         Ok((frames.middle([width, height], views), "given"))
     }
+
+    fn outputs(&self) -> Vec<&Path> {
+        [&self.output, &self.confidence, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect()
+    }
+}
+
+/// Refuses frames that are smaller than those of a profile.
+fn check_size([w, h]: [usize; 2], [width, height]: [usize; 2], path: PathBuf, profile: &str) -> Result<()> {
+    if w < width || h < height {
+        let expected = format!("at least {width}x{height}, the frame of profile {profile}");
+        return Err(Error::Format { path, found: format!("{w}x{h} pixels"), expected });
+    }
+    Ok(())
 }
 
 fn names(views: Views) -> String {

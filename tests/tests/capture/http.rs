@@ -13,7 +13,10 @@ use std::{
 use image::{Rgb, RgbImage, codecs::jpeg::JpegEncoder};
 use multiscopic::{
     Picture,
-    capture::camera::{HttpCamera, HttpUrl},
+    capture::{
+        BlockingCamera,
+        camera::{HttpCamera, HttpUrl},
+    },
 };
 
 /// A picture of a brightness, as JPEG.
@@ -89,6 +92,27 @@ fn a_stream_brings_pictures_of_after_the_call() {
         }
         assert_eq!(camera.to_string(), format!("{url}, 16x8"));
     }
+}
+
+#[test]
+fn a_camera_that_runs_free_drops_nothing() {
+    let pictures: Vec<Vec<u8>> = (0..5).map(|k| jpeg(50 * k)).collect();
+    // Another connection would begin again with the first.
+    let url = server(vec![stream("b", &pictures, true)], true);
+    let (mut camera, never) = (camera(&url, 1), AtomicBool::new(false));
+    let begun = Instant::now();
+    let next = |camera: &mut HttpCamera| BlockingCamera::next(camera, Duration::from_secs(5), &never).unwrap();
+    for expected in &pictures {
+        let arrival = next(&mut camera);
+        assert_eq!(arrival.picture, decoded(expected));
+        assert!(arrival.at >= begun && arrival.at <= Instant::now());
+    }
+    // A picture at rest is of after the call, by a new connection.
+    assert_eq!(take(&mut camera), Ok(decoded(&pictures[2])));
+    assert_eq!(next(&mut camera).picture, decoded(&pictures[0]));
+    let head = b"HTTP/1.0 200 OK\r\nContent-Type: image/jpeg\r\n\r\n";
+    let url = server(vec![[&head[..], &pictures[1]].concat()], false);
+    assert_eq!(next(&mut self::camera(&url, 1)).picture, decoded(&pictures[1]));
 }
 
 #[test]

@@ -93,9 +93,8 @@ impl BlockingCamera for AnyCamera {
                 Ok(arrival)
             }
             AnyCamera::Simulated(camera) => camera.next(timeout, is_cancelled).map_err(|never| match never {}),
-            AnyCamera::Exec(_) | AnyCamera::Http(_) => {
-                self.take(timeout, is_cancelled).map(|picture| Arrival { picture, at: Instant::now() })
-            }
+            AnyCamera::Http(camera) => Ok(camera.next(timeout, is_cancelled)?),
+            AnyCamera::Exec(_) => self.take(timeout, is_cancelled).map(|picture| Arrival { picture, at: Instant::now() }),
         }
     }
 }

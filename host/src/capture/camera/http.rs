@@ -13,7 +13,10 @@ use std::{
 };
 
 use super::picture_mean::PictureMean;
-use crate::{capture::acquisition::BlockingCamera, images::Picture};
+use crate::{
+    capture::{acquisition::BlockingCamera, sweep::Arrival},
+    images::Picture,
+};
 
 /// Pictures of a stream that may have been exposed before the connection: servers send the latest one at once.
 const PICTURES_IN_FLIGHT: u32 = 2;
@@ -127,18 +130,20 @@ pub enum HttpFault {
 /// A camera of a network.
 ///
 /// It connects for each picture. Of a stream, it drops the first two pictures, which may have been exposed before: let the stage settle
-/// for as long as the camera's pictures come late.
+/// for as long as the camera's pictures come late. While it runs free, it takes all pictures of one stream.
 pub struct HttpCamera {
     url: HttpUrl,
     average: NonZeroU16,
     /// Width and height of the first picture in pixels.
     size: Option<(u32, u32)>,
+    /// The stream, while it runs free.
+    stream: Option<Answer>,
 }
 
 impl HttpCamera {
     /// The camera at an address. Its pictures are the rounded means of `average` pictures. Nothing is sent yet.
     pub fn new(url: HttpUrl, average: NonZeroU16) -> HttpCamera {
-        HttpCamera { url, average, size: None }
+        HttpCamera { url, average, size: None, stream: None }
     }
 
     /// Takes a picture, in colour if it has colours. It returns within `timeout`, and within a tenth of a second once
@@ -147,26 +152,45 @@ impl HttpCamera {
     /// # Errors
     /// The server cannot be reached, refuses, or sends no picture of the size of the first in time.
     pub fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, HttpError> {
-        let start = Instant::now();
-        let taken = self.try_take(start, timeout, is_cancelled);
-        taken.map_err(|fault| HttpError { url: self.url.text.clone(), fault })
+        self.stream = None;
+        let (start, wait) = (Instant::now(), Wait { deadline: Instant::now() + timeout, is_cancelled });
+        let taken = self.try_take(start, wait);
+        taken.map_err(|fault| self.error(fault))
     }
 
-    fn try_take(&mut self, start: Instant, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, HttpFault> {
+    /// Takes the next picture of a stream, of which none is dropped, or one of a server that sends one for each request.
+    fn next_of_stream(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Arrival, HttpError> {
+        let wait = Wait { deadline: Instant::now() + timeout, is_cancelled };
+        let running = self.stream.take().map_or_else(|| Answer::get(&self.url, wait), Ok);
+        let mut answer = running.map_err(|fault| self.error(fault))?;
+        let is_stream = answer.boundary.is_some();
+        let bytes = if is_stream { answer.next_part(wait) } else { answer.whole(wait) };
+        let bytes = bytes.map_err(|fault| self.error(fault))?;
+        let at = Instant::now();
+        let picture = self.decode(&bytes).map_err(|fault| self.error(fault))?;
+        self.stream = is_stream.then_some(answer);
+        Ok(Arrival { picture, at })
+    }
+
+    fn error(&self, fault: HttpFault) -> HttpError {
+        HttpError { url: self.url.text.clone(), fault }
+    }
+
+    fn try_take(&mut self, start: Instant, wait: Wait<'_>) -> Result<Picture, HttpFault> {
         let average = u32::from(self.average.get());
         let (mut pictures, mut expected, mut mean) = (0, average, PictureMean::default());
         let url = self.url.clone();
         let mut take = || {
             while pictures < expected {
-                let mut answer = Answer::get(&url, start + timeout, is_cancelled)?;
+                let mut answer = Answer::get(&url, wait)?;
                 if answer.boundary.is_none() {
-                    mean.add(self.decode(&answer.whole()?)?);
+                    mean.add(self.decode(&answer.whole(wait)?)?);
                     pictures += 1;
                     continue;
                 }
                 expected = PICTURES_IN_FLIGHT + average;
                 while pictures < expected {
-                    let bytes = answer.next_part()?;
+                    let bytes = answer.next_part(wait)?;
                     pictures += 1;
                     if pictures > PICTURES_IN_FLIGHT {
                         mean.add(self.decode(&bytes)?);
@@ -197,6 +221,10 @@ impl BlockingCamera for HttpCamera {
     fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Picture, HttpError> {
         HttpCamera::take(self, timeout, is_cancelled)
     }
+
+    fn next(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<Arrival, HttpError> {
+        self.next_of_stream(timeout, is_cancelled)
+    }
 }
 
 /// One line: `http://camera.local/stream, 640x480`.
@@ -207,26 +235,32 @@ impl fmt::Display for HttpCamera {
     }
 }
 
+/// The wait for pictures.
+#[derive(Clone, Copy)]
+struct Wait<'a> {
+    deadline: Instant,
+    /// Set to end it early.
+    is_cancelled: &'a AtomicBool,
+}
+
 /// The answer to a request, as far as it has come.
-struct Answer<'a> {
+struct Answer {
     stream: TcpStream,
     /// Bytes that have come and are not used.
     bytes: Vec<u8>,
-    deadline: Instant,
-    is_cancelled: &'a AtomicBool,
     /// The line between the parts of a stream, with its dashes.
     boundary: Option<Vec<u8>>,
     /// The length of a single picture, if it is told.
     length: Option<usize>,
 }
 
-impl<'a> Answer<'a> {
+impl Answer {
     /// Asks for pictures.
-    fn get(url: &HttpUrl, deadline: Instant, is_cancelled: &'a AtomicBool) -> Result<Answer<'a>, HttpFault> {
+    fn get(url: &HttpUrl, wait: Wait<'_>) -> Result<Answer, HttpFault> {
         let addresses = url.host.to_socket_addrs().map_err(HttpFault::Connect)?;
         let mut last_error = io::ErrorKind::AddrNotAvailable.into();
         let connected = addresses.into_iter().find_map(|address| {
-            let remaining = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+            let remaining = wait.deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
             TcpStream::connect_timeout(&address, remaining).map_err(|error| last_error = error).ok()
         });
         let mut stream = connected.ok_or(HttpFault::Connect(last_error))?;
@@ -237,8 +271,8 @@ impl<'a> Answer<'a> {
             .set_read_timeout(Some(READ_TIMEOUT))
             .and_then(|()| stream.write_all(request.as_bytes()))
             .map_err(HttpFault::Broken)?;
-        let mut answer = Answer { stream, bytes: Vec::new(), deadline, is_cancelled, boundary: None, length: None };
-        let header = answer.header()?;
+        let mut answer = Answer { stream, bytes: Vec::new(), boundary: None, length: None };
+        let header = answer.header(wait)?;
         let status = header.lines().next().unwrap_or_default();
         if status.split(' ').nth(1) != Some("200") {
             return Err(HttpFault::Status(status.chars().filter(|c| !c.is_control()).take(80).collect()));
@@ -262,13 +296,13 @@ impl<'a> Answer<'a> {
     }
 
     /// Waits for more bytes. Returns false at the end.
-    fn more(&mut self) -> Result<bool, HttpFault> {
+    fn more(&mut self, wait: Wait<'_>) -> Result<bool, HttpFault> {
         let mut piece = [0; 1 << 14];
         loop {
-            if self.is_cancelled.load(Ordering::Relaxed) {
+            if wait.is_cancelled.load(Ordering::Relaxed) {
                 return Err(HttpFault::Cancelled);
             }
-            if Instant::now() >= self.deadline {
+            if Instant::now() >= wait.deadline {
                 return Err(HttpFault::NoPicture { pictures: 0, expected: 1, waited: Duration::ZERO });
             }
             match self.stream.read(&mut piece) {
@@ -285,12 +319,12 @@ impl<'a> Answer<'a> {
     }
 
     /// Waits for more bytes, which must come.
-    fn need(&mut self) -> Result<(), HttpFault> {
-        if self.more()? { Ok(()) } else { Err(HttpFault::Broken(io::ErrorKind::UnexpectedEof.into())) }
+    fn need(&mut self, wait: Wait<'_>) -> Result<(), HttpFault> {
+        if self.more(wait)? { Ok(()) } else { Err(HttpFault::Broken(io::ErrorKind::UnexpectedEof.into())) }
     }
 
     /// The place of a sequence of bytes, which must come before `limit` bytes have.
-    fn find(&mut self, sequence: &[u8], limit: usize) -> Result<usize, HttpFault> {
+    fn find(&mut self, sequence: &[u8], limit: usize, wait: Wait<'_>) -> Result<usize, HttpFault> {
         let mut searched: usize = 0;
         loop {
             let start = searched.saturating_sub(sequence.len());
@@ -301,34 +335,34 @@ impl<'a> Answer<'a> {
                 return Err(HttpFault::NotPictures(format!("{} bytes without an end", self.bytes.len())));
             }
             searched = self.bytes.len();
-            self.need()?;
+            self.need(wait)?;
         }
     }
 
     /// The lines up to the next empty one.
-    fn header(&mut self) -> Result<String, HttpFault> {
-        let end = self.find(b"\r\n\r\n", MAX_HEADER)?;
+    fn header(&mut self, wait: Wait<'_>) -> Result<String, HttpFault> {
+        let end = self.find(b"\r\n\r\n", MAX_HEADER, wait)?;
         let header = self.bytes.drain(..end + 4).collect::<Vec<_>>();
         Ok(String::from_utf8_lossy(&header).into_owned())
     }
 
     /// So many bytes.
-    fn exactly(&mut self, count: usize) -> Result<Vec<u8>, HttpFault> {
+    fn exactly(&mut self, count: usize, wait: Wait<'_>) -> Result<Vec<u8>, HttpFault> {
         if count > MAX_PICTURE {
             return Err(HttpFault::NotPictures(format!("a picture of {count} bytes")));
         }
         while self.bytes.len() < count {
-            self.need()?;
+            self.need(wait)?;
         }
         Ok(self.bytes.drain(..count).collect())
     }
 
     /// The single picture of an answer.
-    fn whole(&mut self) -> Result<Vec<u8>, HttpFault> {
+    fn whole(&mut self, wait: Wait<'_>) -> Result<Vec<u8>, HttpFault> {
         if let Some(length) = self.length {
-            return self.exactly(length);
+            return self.exactly(length, wait);
         }
-        while self.more()? {
+        while self.more(wait)? {
             if self.bytes.len() > MAX_PICTURE {
                 return Err(HttpFault::NotPictures(format!("{} bytes without an end", self.bytes.len())));
             }
@@ -337,16 +371,16 @@ impl<'a> Answer<'a> {
     }
 
     /// The next picture of a stream.
-    fn next_part(&mut self) -> Result<Vec<u8>, HttpFault> {
+    fn next_part(&mut self, wait: Wait<'_>) -> Result<Vec<u8>, HttpFault> {
         let boundary = self.boundary.clone().unwrap_or_default();
-        let at = self.find(&boundary, MAX_HEADER)?;
+        let at = self.find(&boundary, MAX_HEADER, wait)?;
         self.bytes.drain(..at + boundary.len());
-        let header = self.header()?;
+        let header = self.header(wait)?;
         match field(&header, "content-length").and_then(|length| length.parse().ok()) {
-            Some(length) => self.exactly(length),
+            Some(length) => self.exactly(length, wait),
             // The picture ends before the next boundary, which stays.
             None => {
-                let end = self.find(&boundary, MAX_PICTURE)?;
+                let end = self.find(&boundary, MAX_PICTURE, wait)?;
                 Ok(self.bytes.drain(..end).collect())
             }
         }

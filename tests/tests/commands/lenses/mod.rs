@@ -30,16 +30,19 @@ const MARGIN: usize = 32;
 /// Renders the demo's scene, with and without distortion, and its true disparities.
 fn scene() -> (ViewSet, ViewSet, Vec<f32>) {
     let [width, height] = SIZE.map(|side| (side + 2 * MARGIN) * FACTOR);
-    let camera = PinholeCamera { focal_px: FOCAL * FACTOR as f64, ..PinholeCamera::new(width as u32, height as u32).ideal() };
-    let shot = render(&Scene::demo(), &camera, 1);
+    let fine = PinholeCamera { focal_px: FOCAL * FACTOR as f64, ..PinholeCamera::new(width as u32, height as u32).ideal() };
+    let shot = render(&Scene::demo(), &fine, 1);
     let images = |k1: f64| {
         let image = |frame| small(Picture::Rgb(shot.frame(frame).clone()).to_gray().as_raw(), k1);
         let views = View::CROSS.map(|view| Some(image(Frame::View(view))));
         ViewSet { width: SIZE[0], height: SIZE[1], center: image(Frame::Center), views, others: Vec::new() }
     };
-    let small = PinholeCamera { focal_px: FOCAL, ..PinholeCamera::new(SIZE[0] as u32, SIZE[1] as u32).ideal() };
-    let truth = render(&Scene::demo(), &small, 1).truth.into_pixels();
-    (images(0.0), images(K1), truth)
+    (images(0.0), images(K1), render(&Scene::demo(), &camera(), 1).truth.into_pixels())
+}
+
+/// The camera without distortion.
+fn camera() -> PinholeCamera {
+    PinholeCamera { focal_px: FOCAL, ..PinholeCamera::new(SIZE[0] as u32, SIZE[1] as u32).ideal() }
 }
 
 /// A rendered image at its final size, with radial distortion `k1`. A pixel is the mean of a grid of samples. The direction that
@@ -119,7 +122,10 @@ fn in_thirds(image: &[u8]) -> Vec<u8> {
 fn shrunk_images_match_as_files_of_their_size_with_a_lens_and_aligned() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
-    let (_, large, _) = scene();
+    let shot = render(&Scene::demo(), &camera(), 1);
+    let image = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
+    let views = View::CROSS.map(|view| Some(image(Frame::View(view))));
+    let large = ViewSet { width: SIZE[0], height: SIZE[1], center: image(Frame::Center), views, others: Vec::new() };
     let small = ViewSet {
         width: SIZE[0] / 3,
         height: SIZE[1] / 3,

@@ -69,6 +69,8 @@ impl Display for Swept {
             1 => write!(f, ", 1 dropped")?,
             _ => write!(f, ", {dropped} dropped")?,
         }
+        // Without the sign of a zero.
+        let delay_ms = (10.0 * delay_ms).round() / 10.0 + 0.0;
         write!(f, ", {delay_ms:.1} ms after their exposure (within {delay_within_ms:.1} ms)")
     }
 }

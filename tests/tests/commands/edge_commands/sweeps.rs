@@ -83,7 +83,7 @@ fn a_budget_of_a_sweep_that_is_exceeded_fails_and_says_what_it_does_not_know() {
         assert!(exceeded.stderr.contains(message) && !exceeded.stderr.contains("--tile-width"), "{exceeded:#?}");
     }
     with(&["--core", "cortex-m55", "--joules", "1"]).assert_refused(&["--joules cannot be checked", "--nanojoules-per-cycle"]);
-    for core in [Processor::CortexM33, Processor::CortexM0Plus, Processor::Rv32imac] {
+    for core in [Processor::CortexM0Plus, Processor::Rv32imac] {
         with(&["--core", core.name()]).assert_refused(&["the memory of a sweep", core.name(), "was not measured"]);
     }
     with(&["--fusion", "min"]).assert_refused(&["--fusion is not for sweeps"]);

@@ -187,7 +187,7 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     }
     let rectifying_boards = [&emulated_board::REFERENCE, &emulated_board::PICO, &emulated_board::VECTORS];
     let rectifying_boards = selection.of_example(rectifying::NAME, rectifying_boards);
-    let sweeping_boards = [&emulated_board::M7, &emulated_board::REFERENCE, &emulated_board::VECTORS];
+    let sweeping_boards = [&emulated_board::M7, &emulated_board::REFERENCE, &emulated_board::PICO, &emulated_board::VECTORS];
     let sweeping_boards = selection.of_example(sweeping::NAME, sweeping_boards);
     match selection.profile.as_deref() {
         Some(name @ (rectifying::NAME | sweeping::NAME)) => {

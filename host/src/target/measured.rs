@@ -237,7 +237,9 @@ mod tests {
 
     #[test]
     fn every_profile_has_a_price() {
-        for (profile, fusion) in profile::ALL.iter().flat_map(|profile| MEASURED_RULES.map(|fusion| (profile, fusion))) {
+        // The work of a profile is counted for seconds without optimisation.
+        let rules = if cfg!(debug_assertions) { &MEASURED_RULES[..1] } else { &MEASURED_RULES[..] };
+        for (profile, fusion) in profile::ALL.iter().flat_map(|profile| rules.iter().map(move |&fusion| (profile, fusion))) {
             let matching = profile.matching(fusion);
             for processor in Processor::ALL {
                 let per_de = processor.instructions(&matching).map(|instructions| instructions / matching.evaluations() as f64);

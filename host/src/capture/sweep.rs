@@ -436,16 +436,13 @@ mod tests {
 
     #[test]
     fn a_stage_that_tells_no_places_is_where_its_speed_puts_it() {
-        let taken = |speed_mm_s: f64, told: f64| {
-            let clock = SteppedClock::new();
-            let limits = Limits { speed_mm_s, acceleration_mm_s2: 100.0, ..Limits::default() };
-            let silent = StageImperfections { is_silent: true, ..StageImperfections::default() };
-            let stage = SimulatedStage::with_clock(&limits, silent, clock.clone()).unwrap();
-            let (mut stage, mut camera) = (Told(stage, told), Eye(clock.clone(), clock.now()));
-            let interrupts = AtomicUsize::new(0);
-            acquire_sweep(&*clock, &mut stage, &mut camera, 40_000, Policy::default(), &interrupts, |_, _| ())
-        };
-        for pass in taken(20.0, 20.0).unwrap().passes {
+        let clock = SteppedClock::new();
+        let limits = Limits { speed_mm_s: 20.0, acceleration_mm_s2: 100.0, ..Limits::default() };
+        let silent = StageImperfections { is_silent: true, ..StageImperfections::default() };
+        let mut stage = SimulatedStage::with_clock(&limits, silent, clock.clone()).unwrap();
+        let (mut camera, interrupts) = (Eye(clock.clone(), clock.now()), AtomicUsize::new(0));
+        let taken = acquire_sweep(&*clock, &mut stage, &mut camera, 40_000, Policy::default(), &interrupts, |_, _| ());
+        for pass in taken.unwrap().passes {
             // 1.8 s between ramps of 0.2 s, in the middle of the way.
             let [from, to] = pass.track.cruise().unwrap();
             assert!((to - from - 1.8).abs() < 0.03, "{from} to {to}");
@@ -453,38 +450,15 @@ mod tests {
             assert!((start + end).abs() < 1e-6 && ((end - start).abs() - 36.0).abs() < 0.5, "{start} to {end}");
             assert!(pass.track.knows(from) && !pass.track.knows(from - 0.1) && !pass.track.knows(to + 0.1));
         }
-        let refusal = taken(10.0, 20.0).unwrap_err().to_string();
+    }
+
+    #[test]
+    fn a_stage_of_another_speed_is_refused() {
+        // Both ways have the same ramps and delays.
+        assert!(check_speed(20.0, 40.0, [1.3, 2.3]).is_ok());
+        let refusal = check_speed(20.0, 40.0, [2.3, 4.3]).unwrap_err().to_string();
         assert!(refusal.starts_with("the stage slid at 10.0 mm/s where 20 mm/s were asked for"), "{refusal}");
         assert!(check_speed(20.0, 40.0, [1.0, 1.0]).unwrap_err().to_string().contains("took no time"));
-    }
-
-    /// A stage that claims another speed.
-    struct Told(SimulatedStage, f64);
-
-    impl Stage for Told {
-        type Error = StageError;
-
-        fn move_to(&mut self, position: Position) -> Result<(), StageError> {
-            self.0.move_to(position)
-        }
-
-        fn has_arrived(&mut self) -> Result<bool, StageError> {
-            self.0.has_arrived()
-        }
-
-        fn position(&mut self) -> Result<Option<Position>, StageError> {
-            self.0.position()
-        }
-
-        fn stop(&mut self) -> Result<(), StageError> {
-            self.0.stop()
-        }
-    }
-
-    impl PosedStage for Told {
-        fn tracking(&self) -> Tracking {
-            Tracking::Planned(self.1)
-        }
     }
 
     /// A stage that cannot tell where it is.

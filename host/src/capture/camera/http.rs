@@ -129,8 +129,8 @@ pub enum HttpFault {
 
 /// A camera of a network.
 ///
-/// It connects for each picture. Of a stream, it drops the first two pictures, which may have been exposed before: let the stage settle
-/// for as long as the camera's pictures come late. While it runs free, it takes all pictures of one stream.
+/// It connects for each picture. Of a stream, it drops the first two pictures, which may have been exposed before: let the stage
+/// settle for as long as the camera's pictures come late. While it runs free, it takes all pictures of one stream.
 pub struct HttpCamera {
     url: HttpUrl,
     average: NonZeroU16,

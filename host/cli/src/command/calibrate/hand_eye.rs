@@ -26,14 +26,16 @@ use crate::command::{
 
 /// Finds where the camera sits on the tool of an arm, from pictures of a printed board and the poses of the tool
 ///
-/// Fix a board of `multiscopic calibrate board` where the arm can look at it. Take 10 to 15 pictures of it from all sides, with the tool
-/// turned by 20 to 40 degrees about each of its axes, and the pose that the arm reports for each: with --camera and --stage while you
-/// lead the arm by hand, or beforehand. The file that is written serves `capture --hand-eye` and `match --frame`.
+/// Fix a board of `multiscopic calibrate board` where the arm can look at it. Take 10 to 15 pictures of it from all sides, with
+/// the tool turned by 20 to 40 degrees about each of its axes, and the pose that the arm reports for each: with --camera and
+/// --stage while you lead the arm by hand, or beforehand. The file that is written serves `capture --hand-eye` and
+/// `match --frame`.
 #[derive(Clone, Debug, Args)]
 pub struct HandEyeCommand {
-    /// Poses of the tool in the frame of the arm's base, with their pictures, or a folder with both, whose poses are in poses.csv. A
-    /// CSV file whose first line names its columns: image,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg; or x_m,y_m,z_m, rx_rad,ry_rad,rz_rad as
-    /// arms of Universal Robots have them, or a quaternion qx,qy,qz,qw. With --camera, a new folder for both
+    /// Poses of the tool in the frame of the arm's base, with their pictures, or a folder with both, whose poses are in
+    /// poses.csv. A CSV file whose first line names its columns: image,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg; or x_m,y_m,z_m,
+    /// rx_rad,ry_rad,rz_rad as arms of Universal Robots have them, or a quaternion qx,qy,qz,qw. With --camera, a new folder for
+    /// both
     #[arg(value_name = "POSES.csv|DIR")]
     poses: PathBuf,
 

@@ -98,7 +98,7 @@ pub struct Memory {
     pub rectified: usize,
     /// All that the network takes, the frames as well: see `network::NetworkMemory`.
     pub network: usize,
-    /// What a sweep knows of each pixel, from frame to frame.
+    /// The knowledge that a sweep has of each pixel, from frame to frame.
     pub state: usize,
     /// Lines of the centre and of a frame of a sweep under the block, and what is measured there.
     pub equations: usize,

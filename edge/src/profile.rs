@@ -48,7 +48,7 @@ pub struct SweepProfile {
     pub ram_budget: usize,
     /// The most flash in bytes: code and constants, with packets.
     pub flash_budget: usize,
-    /// What is filtered.
+    /// The search, the noise and the blocks of the filter.
     pub params: SweepParams,
 }
 

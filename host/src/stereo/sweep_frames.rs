@@ -21,7 +21,7 @@ pub struct SweepFrames {
     pub frames: Frames,
     /// All frames but the centre in grey, in the order of [`push`](SweepFrames::push), and their places.
     pub placed: Vec<(SweepOffset, GrayImage)>,
-    /// How far the views are from a baseline away, in baselines.
+    /// The distances of the views from a place one baseline away, in baselines.
     aside: [f64; 2],
 }
 

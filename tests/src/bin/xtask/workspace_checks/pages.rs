@@ -22,8 +22,8 @@ const FILES: [&str; 9] = [
     "foxglove.test.mjs",
 ];
 
-/// Makes the page of the demo, and tests it, that of a sweep, the live view of the demo, how fast the page of a large rig is, and what is published for
-/// Foxglove. The screenshots stay in `target/page/screenshots`.
+/// Makes the page of the demo and that of a sweep, and tests them, the live view of the demo, how fast the page of a large rig
+/// is, and what is published for Foxglove. The screenshots stay in `target/page/screenshots`.
 pub fn run_tests() -> Result<()> {
     let (browser, node, npm) = (tools::CHROMIUM.install()?, tools::NODE.install()?, tools::NPM.install()?);
     let folder = system::target().join("page");

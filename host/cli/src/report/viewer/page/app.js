@@ -44,7 +44,7 @@ const layerOf = (id) => scene.layers.find((layer) => layer.id === id);
 // The map whose costs are shown: the first that is on show, else the best.
 const currentMap = () => layerOf(choice.first)?.map ?? layerOf(choice.second)?.map ?? scene.maps[0];
 
-// What is known of the pixel under the cursor.
+// Shows the values and the slice at the cursor.
 function showPixel() {
   if (!panes.cursor) return;
   showReadout(scene, panes.cursor, currentMap());

@@ -74,8 +74,8 @@ fn a_studio_has_other_scenes() {
 fn objects_are_of_the_kinds_that_are_named() {
     let dir = tempfile::tempdir().expect("a folder");
     let output = dir.path().join("scenes");
-    scene(&output, "--seed 9 --size 40x30 --views 1 --objects thin,blank").assert_done();
-    let kinds = [ObjectKind::Thin, ObjectKind::Blank];
+    scene(&output, "--seed 9 --size 40x30 --views 1 --objects thin,slits").assert_done();
+    let kinds = [ObjectKind::Thin, ObjectKind::Slits];
     let shot = RandomScene::of_kinds(Setting::Field, &kinds, 9, 0, [40, 30]).render(Views::STEREO);
     let center = image::open(output.join("0000/center.png")).expect("the centre").into_rgb8();
     assert_eq!(center, shot.center);
@@ -113,7 +113,7 @@ fn what_cannot_be_made_is_refused() {
     refused("--layout 2x2", &["must be odd"]);
     refused("--layout 3x3 --views 2", &["cannot be used with"]);
     refused("--seed -1", &["-1"]);
-    refused("--objects thin,soft", &["soft", "shiny, blank, thin, repeating"]);
+    refused("--objects thin,soft", &["soft", "shiny, blank, thin, repeating, slits"]);
     Invocation::new(["scene", "-o", "scenes"]).assert_refused(&["--random"]);
     Invocation::new(["scene", "--random"]).assert_refused(&["--output"]);
     assert!(!output.exists());

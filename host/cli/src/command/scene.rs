@@ -91,6 +91,8 @@ enum ObjectName {
     Thin,
     /// Boards whose pattern repeats exactly along rows and columns
     Repeating,
+    /// Bars with deep slits between them, which only views along the slits see into
+    Slits,
 }
 
 impl From<ObjectName> for ObjectKind {
@@ -100,6 +102,7 @@ impl From<ObjectName> for ObjectKind {
             ObjectName::Blank => ObjectKind::Blank,
             ObjectName::Thin => ObjectKind::Thin,
             ObjectName::Repeating => ObjectKind::Repeating,
+            ObjectName::Slits => ObjectKind::Slits,
         }
     }
 }

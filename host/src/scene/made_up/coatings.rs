@@ -29,6 +29,9 @@ pub enum ObjectKind {
     /// Boards that face the camera, with a motif that repeats exactly along rows and columns, at 5 to 20 pixels in images that are
     /// 256 pixels wide.
     Repeating,
+    /// Thick bars in front of a board, with deep slits of 2 to 9 pixels between them, along rows or columns: views across the slits
+    /// do not see their ground.
+    Slits,
 }
 
 /// The looks of the objects of one scene.
@@ -127,7 +130,7 @@ impl Coating {
         match kind {
             ObjectKind::Shiny => Coating { finish: Finish::Polished, ..self },
             ObjectKind::Blank => Coating { texture: Texture::Plain(color(dice)), finish: Finish::Matte, ..self },
-            ObjectKind::Thin => self,
+            ObjectKind::Thin | ObjectKind::Slits => self,
             ObjectKind::Repeating => {
                 let light = color(dice);
                 let colors = [light, light * dice.between(0.1, 0.5)];

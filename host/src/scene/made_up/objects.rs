@@ -207,6 +207,7 @@ pub fn foreground(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings, kin
             Some(ObjectKind::Repeating) => group.board(),
             Some(ObjectKind::Shiny) => group.shape(6, 14),
             Some(ObjectKind::Blank) => group.shape(0, 14),
+            Some(ObjectKind::Slits) => group.slits(),
             None => group.shape(0, 19),
         }
         objects.append(&mut group.objects);
@@ -363,6 +364,31 @@ impl<'a> Group<'a> {
             let part = coating.moved(self.dice);
             self.add_solid(pose, &part, |pixel| Shape::Block { half: Vec3::new(half[0], half[1], bar) * pixel });
         }
+    }
+
+    /// Thick bars side by side in front of a board: deep slits between them, into which only views along the slits see.
+    fn slits(&mut self) {
+        let (front, half_length) = (self.disparity, self.dice.between(20.0, 80.0));
+        let (bar, slit, count) = (self.dice.between(3.0, 14.0), self.dice.between(2.0, 9.0), self.dice.count(3, 7));
+        let pose = Pose::at(Vec3::ZERO).turned(2, self.dice.pick([0.0, 1.0]));
+        let pose = if self.dice.happens(0.6) { pose } else { pose.turned(2, self.dice.around_zero(0.1)) };
+        let [x, y] = self.place;
+        let footprint = self.viewport.footprint(self.viewport.depth(front));
+        let back = self.viewport.far.max(front * self.dice.between(0.4, 0.85));
+        let deep = self.viewport.depth(back) - self.viewport.depth(front);
+        let coating = self.coatings.next(self.dice, false);
+        for k in 0..count {
+            let along = (bar + slit) * (f64::from(k) - 0.5 * f64::from(count - 1));
+            let place = [x + pose.axes[1].x * along, y - pose.axes[1].y * along];
+            let origin = self.viewport.point(place, self.viewport.depth(front)) + Vec3::Z * (0.5 * deep);
+            let half = Vec3::new(half_length * footprint, 0.5 * bar * footprint, 0.5 * deep);
+            let part = coating.moved(self.dice);
+            self.objects.push(part.object(Shape::Block { half }, Pose { origin, ..pose }, footprint));
+        }
+        let half_height = 0.5 * f64::from(count) * (bar + slit);
+        let board = Shape::Panel { half_width: half_length * footprint, half_height: half_height * footprint };
+        let origin = self.viewport.point(self.place, self.viewport.depth(front)) + Vec3::Z * deep;
+        self.objects.push(self.coatings.next(self.dice, true).object(board, Pose { origin, ..pose }, footprint));
     }
 
     /// Adds a solid in an orientation, no nearer than the nearest disparity. `shape` makes it from the millimetres that a pixel

@@ -26,6 +26,16 @@ def whole(layer):
     return weights.permute(0, 2, 3, 1), bias, multipliers, shifts
 
 
+def start(network, weights):
+    """Gives a network the weights in whole numbers, with which it goes on learning."""
+    for name, *_ in LAYERS:
+        layer, (values, bias, multipliers, shifts) = network.layer(name), map(torch.from_numpy, weights.layers[name])
+        scales = multipliers / 2.0 ** (shifts + 15)
+        bias = bias - torch.where(shifts > 0, 2 ** (shifts - 1), 0) + layer.center * values.sum((1, 2, 3))
+        layer.weight.data = (values * scales[:, None, None, None]).permute(0, 3, 1, 2).float().contiguous()
+        layer.bias.data = (bias * scales / UNIT).float()
+
+
 def data_of(network, sure):
     parts = [reference.MAGIC]
     for name, *_ in LAYERS:

@@ -21,14 +21,17 @@ def main():
     parser.add_argument("--program", type=Path, required=True)
     parser.add_argument("--folder", type=Path, required=True, help="for scenes, features and checkpoints: 9 GB")
     parser.add_argument("--steps", type=int, default=30_000, help="how many steps training takes: about an hour on two cores")
+    parser.add_argument("--start", type=Path, help="weights to go on from, at half the rate, rather than from nothing")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
 
     scenes.make(options.program, options.folder, options.threads)
     run, weights = options.folder / "run", options.folder / "network.weights"
+    start = ["--start", options.start, "--rate", 1e-3] if options.start else []
+    training = ["--run", run, "--steps", options.steps, "--seed", options.seed, "--processes", options.threads]
     commands = [
-        ["train.py", options.folder, "--run", run, "--steps", options.steps, "--seed", options.seed, "--processes", options.threads],
+        ["train.py", options.folder, *training, *start],
         ["export.py", run / "checkpoint.pt", weights, "--calibrate", options.folder],
         ["curves.py", run / "log.jsonl", run / "curves.svg"],
         ["check.py", run / "checkpoint.pt", weights, options.folder],

@@ -37,9 +37,13 @@ class SceneSet:
     uses: tuple
     halved: bool = False
     setting: str = "field"
+    # Kinds of objects, by turns; any if there are none.
+    objects: str = ""
 
 
 STEREO, TWO, FOUR = ("right",), ("left", "right"), ("left", "right", "top", "bottom")
+EIGHT = (*FOUR, "-1,-1", "1,-1", "-1,1", "1,1")
+HARD = "slits,shiny,thin,slits,repeating,blank"
 
 HELD_BACK = [
     SceneSet(
@@ -48,8 +52,40 @@ HELD_BACK = [
     ),
     SceneSet("held_fine", 92, 24, 2, "512x384", (Use("fine", TWO, 1, 32, range(24)),), halved=True),
     SceneSet("held_studio", 93, 32, 2, "256x192", (Use("studio", TWO, 1, 32, range(32)),), setting="studio"),
+    SceneSet(
+        "held_eight", 94, 32, 8, "256x192",
+        (Use("eight", EIGHT, 1, 32, range(32)), Use("four_of_eight", FOUR, 1, 32, range(32))), setting="studio",
+    ),
+    SceneSet(
+        "held_hard", 95, 32, 8, "256x192",
+        (Use("hard_8", EIGHT, 1, 32, range(32)), Use("hard_4", FOUR, 1, 32, range(32)), Use("hard_2", TWO, 1, 32, range(0, 32, 2))),
+        objects=HARD,
+    ),
 ]  # fmt: skip
 TRAINING = [
+    SceneSet(
+        "eight", 21, 300, 8, "256x192",
+        (Use("eight", EIGHT, 1, 32, range(300)), Use("four", FOUR, 1, 32, range(0, 300, 2))),
+    ),
+    SceneSet(
+        "eight_studio", 22, 400, 8, "256x192",
+        (
+            Use("eight", EIGHT, 1, 32, range(400)), Use("four", FOUR, 1, 32, range(0, 400, 2)),
+            Use("two", TWO, 1, 32, range(1, 400, 2)),
+        ), setting="studio",
+    ),
+    SceneSet(
+        "hard", 23, 400, 8, "256x192",
+        (
+            Use("eight", EIGHT, 1, 32, range(0, 400, 2)), Use("four", FOUR, 1, 32, range(1, 400, 2)),
+            Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 4)),
+        ), setting="studio", objects=HARD,
+    ),
+    SceneSet(
+        "hard_field", 24, 200, 8, "256x192",
+        (Use("eight", EIGHT, 1, 32, range(200)), Use("two", TWO, 1, 32, range(200)), Use("four", FOUR, 1, 32, range(0, 200, 2))),
+        objects=HARD,
+    ),
     SceneSet("two_a", 12, 300, 2, "256x192", (Use("two", TWO, 1, 32, range(300)), Use("stereo", STEREO, 1, 32, range(100)))),
     SceneSet(
         "four", 11, 200, 4, "256x192",
@@ -102,6 +138,8 @@ def render(program, folder, scenes):
     for unfinished in (target, rendered):
         shutil.rmtree(unfinished, ignore_errors=True)
     options = ["--setting", scenes.setting, "--seed", scenes.seed, "--count", scenes.count, "--views", scenes.views]
+    if scenes.objects:
+        options += ["--objects", scenes.objects]
     command = [program, "scene", "--random", *options, "--size", scenes.size, "-o", rendered]
     subprocess.run([*map(str, command)], check=True)
     if scenes.halved:
@@ -135,7 +173,8 @@ def features(program, folder, scenes, use, number):
         return target
     scene = folder / scenes.name / f"{number:04}"
     target.parent.mkdir(parents=True, exist_ok=True)
-    images = [option for frame in ("center", *use.views) for option in (f"--{frame}", scene / f"{frame}.png")]
+    option = lambda frame, path: (f"--{frame}", path) if frame.isalpha() else ("--view", f"{frame}={path}")
+    images = [word for frame in ("center", *use.views) for word in option(frame, scene / f"{frame}.png")]
     search = ["--min-disparity", use.least, "--num-disparities", use.count, "--method", "bm", "--threads", 1]
     command = [program, "match", *images, *search, "--features", target, "-o", "/dev/null"]
     subprocess.run([*map(str, command)], check=True, stderr=subprocess.DEVNULL)

@@ -16,6 +16,8 @@ import torch.distributed as dist
 import torch.nn.functional as F
 from torch import multiprocessing
 
+import export
+import reference
 import scenes
 from data import Example, augmented, batch_of
 from model import Network
@@ -120,6 +122,8 @@ class Run:
         self.step, self.elapsed = 0, 0.0
         torch.manual_seed(options.seed)
         self.network, self.mean = Network(), Network()
+        if options.start:
+            export.start(self.network, reference.Weights(options.start.read_bytes()))
         self.mean.load_state_dict(self.network.state_dict())
         self.optimizer = torch.optim.Adam(self.network.parameters(), betas=(0.9, 0.99))
         self.checkpoint = options.run / "checkpoint.pt"
@@ -148,7 +152,7 @@ class Run:
     def learn(self, batch, part):
         """A step of the optimizer. Returns the loss and the size of its gradient."""
         for network in (self.network, self.mean):
-            network.quantize(part >= QUANTIZED_FROM)
+            network.quantize(part >= QUANTIZED_FROM or self.options.start is not None)
         rate = self.options.rate * min(1, (self.step + 1) / 300) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * part)))
         for group in self.optimizer.param_groups:
             group["lr"] = rate
@@ -211,6 +215,7 @@ def main():
     parser.add_argument("--steps", type=int, required=True)
     parser.add_argument("--batch", type=int, default=2)
     parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--start", type=Path, help="weights in whole numbers to go on from, rather than from nothing")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
     options = parser.parse_args()

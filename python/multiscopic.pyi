@@ -36,7 +36,7 @@ class _Options(TypedDict, total=False):
     """The keyword arguments of match(), whose help describes them."""
 
     method: Literal["bm", "gc", "sgm", "mccnn-fast", "mccnn-accurate", "net"] | None
-    fusion: Literal["min", "mean", "heuristic", "half"] | None
+    fusion: Literal["min", "mean", "heuristic", "half", "trimmed"] | None
     min_disparity: int | None
     num_disparities: int | None
     block_size: int | None

@@ -15,6 +15,9 @@ use crate::{Views, infallible};
 /// assert_eq!(Fusion::Mean.fuse(costs), 250.0);
 /// assert_eq!(Fusion::Heuristic.fuse(costs), 33.0);
 /// assert_eq!(Fusion::Half.fuse(costs), 31.5);
+///
+/// // Distances of the census, in bits: it pays to leave out the views that do not see the point.
+/// assert_eq!(Fusion::Trimmed.fuse([3.0, 5.0, 15.0, 17.0_f32]), 4.0 + 2.0);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -31,11 +34,25 @@ pub enum Fusion {
     /// The mean of the least half of the costs: of `n` costs the least `n / 2`, rounded up. A point that some views
     /// do not see is seen by those on the other side, so half of an array is enough and quiet.
     Half,
+    /// The adaptive trimmed mean of Hamming distances, for the [census](crate::Census) alone: the mean of all, or of the
+    /// least half, quarter and so on plus a charge for leaving the others out, whichever is least.
+    ///
+    /// The fused cost of the least distance is that distance, and that of the `2 k` least is their mean, or the cost of
+    /// the `k` least plus 2 bits, if that is less: the views of the others do not see the point. A single view that sees it
+    /// costs 3 bits. Beyond a view's frame there is no distance: if there are fewer than `2 k`, it is the cost of the `k` least
+    /// plus 1 bit. The result is that of the `m` least, of which `m` is the greatest power of two that is at most the number of
+    /// views. It is quiet where all views see the point, and sharp where they do not.
+    ///
+    /// Sums of absolute differences have no such unit, so parameters with them are [refused](crate::ParamsError::Trimmed).
+    Trimmed,
 }
 
 impl Fusion {
     /// Every rule.
-    pub const ALL: [Fusion; 4] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic, Fusion::Half];
+    pub const ALL: [Fusion; 5] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic, Fusion::Half, Fusion::Trimmed];
+
+    /// The rules for costs of any kind, which have no unit.
+    pub const OF_ANY_COSTS: [Fusion; 4] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic, Fusion::Half];
 
     /// The rule's name on command lines and in reports.
     pub const fn name(self) -> &'static str {
@@ -44,6 +61,7 @@ impl Fusion {
             Fusion::Mean => "mean",
             Fusion::Heuristic => "heuristic",
             Fusion::Half => "half",
+            Fusion::Trimmed => "trimmed",
         }
     }
 
@@ -72,16 +90,16 @@ impl Fusion {
             Fusion::Half if views <= 4 => 2,
             Fusion::Half if views <= 8 => 12,
             Fusion::Half => 27_720,
+            Fusion::Trimmed => 1 << most_doublings(views),
         }
     }
 
     /// Fuses the costs of all views, [`NONE`](MatchingCost::NONE) where a view is not available, in
     /// any order.
     ///
-    /// The result is `NONE` if no view is available. Integers come out on this rule's
-    /// [`scale`](Fusion::scale); each must be at most 21 x 21 x 255, the largest block sum, so that no sum
-    /// leaves 32 bits for [`Views::MAX_MATCHED`] views, and 53 bits for
-    /// [`Views::MAX`]. Floats stay on the scale of one view.
+    /// The result is `NONE` if no view is available. Integers come out on this rule's [`scale`](Fusion::scale); each must be at
+    /// most 21 x 21 x 255, the largest block sum, so that no sum leaves 32 bits for [`Views::MAX_MATCHED`] views, and 53 bits for
+    /// [`Views::MAX`]. Floats stay on the scale of one view. For [`Fusion::Trimmed`], `V` is the number of views of the search.
     #[inline]
     pub fn fuse<C: MatchingCost, const V: usize>(self, costs: [C; V]) -> C {
         match self {
@@ -89,6 +107,7 @@ impl Fusion {
             Fusion::Mean => mean(costs),
             Fusion::Heuristic => heuristic(costs),
             Fusion::Half => half(costs),
+            Fusion::Trimmed => trimmed(costs),
         }
     }
 }
@@ -122,6 +141,9 @@ pub trait MatchingCost: Copy + PartialOrd {
     /// Three times a cost that exists.
     fn tripled(self) -> Self;
 
+    /// A cost of some units, times `scale` if costs are integers.
+    fn of_units(units: u32, scale: u64) -> Self;
+
     /// The mean of `count` costs with this sum, times `scale` if costs are integers. `count` divides `scale`.
     fn mean(self, count: u32, scale: u64) -> Self;
 }
@@ -138,6 +160,11 @@ impl MatchingCost for u32 {
     #[inline]
     fn tripled(self) -> u32 {
         self.wrapping_mul(3)
+    }
+
+    #[inline]
+    fn of_units(units: u32, scale: u64) -> u32 {
+        units.wrapping_mul(scale as u32)
     }
 
     #[inline]
@@ -161,6 +188,11 @@ impl MatchingCost for u64 {
     }
 
     #[inline]
+    fn of_units(units: u32, scale: u64) -> u64 {
+        u64::from(units).wrapping_mul(scale)
+    }
+
+    #[inline]
     fn mean(self, count: u32, scale: u64) -> u64 {
         self.wrapping_mul(scale / u64::from(count.max(1)))
     }
@@ -178,6 +210,11 @@ impl MatchingCost for f32 {
     #[inline]
     fn tripled(self) -> f32 {
         3.0 * self
+    }
+
+    #[inline]
+    fn of_units(units: u32, _scale: u64) -> f32 {
+        units as f32
     }
 
     #[inline]
@@ -232,6 +269,44 @@ fn half<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
     if count == 0 { C::NONE } else { sum.mean(count as u32, Fusion::Half.scale(V)) }
 }
 
+/// The adaptive trimmed mean: see [`Fusion::Trimmed`]. Adds in ascending order.
+#[inline]
+fn trimmed<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
+    let sorted = least_of::<C, V, V>(costs, V);
+    let scale = Fusion::Trimmed.scale(V);
+    let Some(&least) = sorted.first().filter(|cost| cost.exists()) else { return C::NONE };
+    let (mut sum, mut fused) = (least, least.mean(1, scale));
+    for doubling in 1..=most_doublings(V) {
+        let count = 1 << doubling;
+        if !sorted.get(count - 1).is_some_and(|cost| cost.exists()) {
+            fused = fused.plus(C::of_units(BEYOND_FRAME, scale));
+            continue;
+        }
+        for &cost in sorted.iter().take(count).skip(count / 2) {
+            sum = sum.plus(cost);
+        }
+        let (mean, trimmed) = (sum.mean(count as u32, scale), fused.plus(C::of_units(hidden(doubling), scale)));
+        fused = if mean < trimmed { mean } else { trimmed };
+    }
+    fused
+}
+
+/// The exponent of the greatest power of two that is at most the number of views.
+pub(crate) const fn most_doublings(views: usize) -> u32 {
+    match views.checked_ilog2() {
+        Some(most) => most,
+        None => 0,
+    }
+}
+
+/// The bits for which [`Fusion::Trimmed`] leaves out half of `2^doubling` views.
+pub(crate) const fn hidden(doubling: u32) -> u32 {
+    if doubling == 1 { 3 } else { 2 }
+}
+
+/// The bits for which [`Fusion::Trimmed`] does without views whose frames end before the match.
+pub(crate) const BEYOND_FRAME: u32 = 1;
+
 /// The `count` least costs in ascending order, at most `N`, by insertion: the standard library's sort is large.
 #[inline]
 fn least_of<C: MatchingCost, const V: usize, const N: usize>(costs: [C; V], count: usize) -> [C; N] {
@@ -251,7 +326,7 @@ mod tests {
 
     #[test]
     fn rules_are_named_and_chosen_by_the_number_of_views() {
-        assert_eq!(Fusion::ALL.map(Fusion::name), ["min", "mean", "heuristic", "half"]);
+        assert_eq!(Fusion::ALL.map(Fusion::name), ["min", "mean", "heuristic", "half", "trimmed"]);
         let chosen = [0, 1, 2, 3, 4, 5, 8, 24].map(|views| Fusion::default_for(views).name());
         assert_eq!(chosen, ["min", "min", "min", "heuristic", "heuristic", "half", "half", "half"]);
     }
@@ -270,6 +345,7 @@ mod tests {
             assert_eq!(Fusion::Mean.scale(views), expected(|n| n));
             assert_eq!(Fusion::Heuristic.scale(views), expected(|n| n.min(3)), "{views} views");
             assert_eq!(Fusion::Half.scale(views), expected(|n| n.div_ceil(2)));
+            assert!(Fusion::Trimmed.scale(views) <= views as u64 && views < 2 * Fusion::Trimmed.scale(views) as usize);
         }
     }
 }

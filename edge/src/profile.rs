@@ -1,8 +1,8 @@
 //! Ready-made match sizes and their budgets of RAM and flash.
 
 use multiscopic_core::{
-    BlockMatchingParams, Fusion, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, SweepParams, View, Views,
-    network::NetworkParams, valid,
+    BlockMatchingParams, Fusion, ParamsError, SearchConfig, SearchSpace, SemiGlobalCost, SemiGlobalParams, SweepParams, View,
+    Views, network::NetworkParams, valid,
 };
 
 use crate::matching::{Lengths, Matching, WholeLines};
@@ -210,10 +210,21 @@ impl Profile {
         self.size.views.len() > 4
     }
 
+    /// Checks that the profile's costs can be fused by `fusion`.
+    ///
+    /// # Errors
+    /// [`ParamsError::Trimmed`].
+    pub const fn check_fusion(&self, fusion: Fusion) -> Result<(), ParamsError> {
+        match self.method {
+            Method::Network => Ok(()),
+            _ => self.size.search(fusion).check_fusion(),
+        }
+    }
+
     /// The computation of a pipeline, with `fusion`.
     ///
     /// # Panics
-    /// If the profile [needs](Profile::needs_array) a feature of `multiscopic-core` that is off; in a constant, it fails
+    /// If the profile does not [take](Profile::check_fusion) the fusion, or [needs](Profile::needs_array) a feature of `multiscopic-core` that is off; in a constant, it fails
     /// the build.
     pub const fn matching(&self, fusion: Fusion) -> Matching {
         match self.method {
@@ -289,7 +300,7 @@ mod tests {
     #[test]
     fn memory_does_not_depend_on_the_fusion() {
         for profile in ALL {
-            for fusion in Fusion::ALL {
+            for fusion in Fusion::OF_ANY_COSTS {
                 assert_eq!(profile.matching(fusion).lengths(), profile.lengths(), "{}", profile.name);
             }
         }

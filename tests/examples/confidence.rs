@@ -16,7 +16,7 @@ use multiscopic::{
     images::Raster,
     scene::RandomScene,
     stereo::{
-        CostFunction, Pipeline,
+        CostFunction, MethodName, Pipeline,
         aggregation::{Aggregation, SupportRegion},
         cost::mccnn::{Architecture, Network},
         optimization::edge_aware::Penalties,
@@ -70,6 +70,8 @@ struct Subject {
     name: &'static str,
     /// The methods, by the number of neighbours.
     method: Box<dyn Fn(usize) -> Method + Sync>,
+    /// The fusion rule, by the number of neighbours.
+    fusion: fn(usize) -> Fusion,
     /// True if it is slow.
     is_slow: bool,
     /// True if the evidence is the grade of a peak ratio, which is 0 at the ends of a range.
@@ -79,7 +81,8 @@ struct Subject {
 fn files() -> Result<[File; 2]> {
     let network = Network::load(Architecture::Fast)?;
     let aggregation = Aggregation { region: SupportRegion::ACCURATE, iterations: [0, 0] };
-    let subject = |name, is_slow, method| Subject { name, method, is_slow, is_graded: true };
+    let subject = |name, is_slow, method| Subject { name, method, fusion: Fusion::default_for, is_slow, is_graded: true };
+    let of_census = |views| MethodName::Sgm.default_fusion(views);
     Ok([
         File {
             path: "core/src/confidence/table.rs",
@@ -99,7 +102,7 @@ fn files() -> Result<[File; 2]> {
         File {
             path: "host/src/stereo/confidence_map.rs",
             subjects: vec![
-                subject("CENSUS", false, Box::new(Method::semi_global)),
+                Subject { fusion: of_census, ..subject("CENSUS", false, Box::new(Method::semi_global)) },
                 Subject { is_graded: false, ..subject("GRAPH_CUTS", true, Box::new(|_| Method::graph_cuts())) },
                 Subject {
                     is_graded: false,
@@ -143,7 +146,7 @@ fn counts(subject: &Subject, seed: u64) -> Result<Counts> {
 /// Matches a scene. There are no counts if too much is wrong.
 fn capture(subject: &Subject, engine: &Engine, seed: u64, number: u64) -> Result<Counts> {
     let views = [Views::NONE.with(View::RIGHT), Views::HORIZONTAL, Views::CROSS, Views::ARRAY][number as usize % 4];
-    let fusion = Fusion::default_for(views.len());
+    let fusion = (subject.fusion)(views.len());
     let size = SIZES[number as usize / 4 % SIZES.len()];
     let shot = RandomScene::new(seed, number, size).render(views);
     // The disparities of all scenes.

@@ -24,7 +24,7 @@ use multiscopic::{
         deviation::{DeviationModel, Terms, terms},
     },
 };
-use multiscopic_core::{Disparity, Fusion, SearchConfig, View, Views};
+use multiscopic_core::{Disparity, SearchConfig, View, Views};
 
 /// The sizes of pictures.
 const SIZES: [[u32; 2]; 2] = [[256, 192], [384, 288]];
@@ -128,7 +128,7 @@ fn capture(method: MethodName, engine: &Engine, seed: u64, number: u64) -> Vec<S
     let mut frames = shot.color_frames();
     let search = |(min_disparity, num_disparities)| {
         let size = SearchConfig::of_size(width as u16, height as u16);
-        let fusion = Fusion::default_for(views.len());
+        let fusion = method.default_fusion(views.len());
         Ok(SearchConfig { views, fusion, min_disparity, num_disparities, ..size }.checked()?)
     };
     let Ok(setup) = MatchSetup::new(&mut frames, RangeSource::ImagesAlone, search) else { return Vec::new() };

@@ -98,6 +98,7 @@ fn name(fusion: Fusion) -> &'static str {
         Mean => "mean",
         Heuristic => "heuristic",
         Fusion::Half => "half",
+        Fusion::Trimmed => "trimmed",
     }
 }
 

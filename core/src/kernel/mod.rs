@@ -48,7 +48,7 @@ pub use blocks::Blocks;
 pub(crate) use blocks::Masks;
 pub use bytes::{
     BackwardRun, ByteVector, Bytes, CandidateRun, Candidates, DistanceFusion, Divisor, ForwardRun, Kernel, LinePath, PixelLoops,
-    PixelPaths, RunLoops, RunPenalties, Slot, Step, as_vectors, as_vectors_mut, hamming_run, mean_of_inliers,
+    PixelPaths, RunLoops, RunPenalties, Slot, Step, as_vectors, as_vectors_mut, hamming_run, mean_of_inliers, trimmed_mean,
 };
 pub use isa::{Block, Change, Column, Isa, Lane, MAX_BATCH, Work};
 pub use portable::Portable;

@@ -27,7 +27,8 @@ impl Rule {
     /// The rule for one to eight views.
     pub const fn new(fusion: Fusion, views: usize) -> Rule {
         match (fusion, views) {
-            (Fusion::Min, _) | (_, ..=1) | (Fusion::Half, 2) => Rule::Min,
+            // Parameters of block sums refuse `Trimmed`.
+            (Fusion::Min | Fusion::Trimmed, _) | (_, ..=1) | (Fusion::Half, 2) => Rule::Min,
             (Fusion::Mean, _) | (Fusion::Heuristic, 2) => Rule::Sum,
             (Fusion::Heuristic, _) => Rule::Heuristic,
             (Fusion::Half, _) => Rule::Half,

@@ -28,9 +28,12 @@ impl BlockMatchingParams {
     /// Parameters that compare blocks of `block_size` x `block_size` pixels, which is odd, from 1 to 21.
     ///
     /// # Errors
-    /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
+    /// [`ParamsError::TooManyViews`], [`ParamsError::Trimmed`] or [`ParamsError::BlockSize`].
     pub const fn block_matching(search: SearchSpace, block_size: u8) -> Result<BlockMatchingParams, ParamsError> {
         if let Err(error) = search.check_views() {
+            return Err(error);
+        }
+        if let Err(error) = search.check_fusion() {
             return Err(error);
         }
         if block_size.is_multiple_of(2) || block_size > BlockMatchingParams::MAX_BLOCK_SIZE {
@@ -127,12 +130,6 @@ impl BlockMatchingParams {
             }
             None => (least, most),
         }
-    }
-
-    /// The same with another fusion rule.
-    #[inline(always)]
-    pub const fn with_fusion(self, fusion: Fusion) -> BlockMatchingParams {
-        BlockMatchingParams { search: self.search.with_fusion(fusion), ..self }
     }
 
     /// The search, whatever the size of the block.

@@ -104,6 +104,7 @@ pub const fn valid<T: Copy>(checked: Result<T, ParamsError>) -> T {
             panic!("`views` are too many: a matcher takes up to four, and with the feature `array` of multiscopic-core eight")
         }
         Err(ParamsError::TooManyViews { .. }) => panic!("`views` are too many: a matcher takes up to eight"),
+        Err(ParamsError::Trimmed) => panic!("`fusion` is `Trimmed`, which is for the census alone"),
         Err(ParamsError::BlockSize { largest: 11, .. }) => {
             panic!("`block_size` is out of range: it is odd and, for semi-global matching, from 1 to 11")
         }

@@ -111,6 +111,17 @@ impl SearchSpace {
         }
     }
 
+    /// Checks that the fusion rule is for costs of any kind, not for those of the [census](Census) alone.
+    ///
+    /// # Errors
+    /// [`ParamsError::Trimmed`].
+    pub const fn check_fusion(&self) -> Result<(), ParamsError> {
+        match self.config.fusion {
+            Fusion::Trimmed => Err(ParamsError::Trimmed),
+            _ => Ok(()),
+        }
+    }
+
     /// The same with other views.
     ///
     /// # Errors
@@ -312,6 +323,8 @@ pub enum ParamsError {
         /// The most there can be.
         most: usize,
     },
+    /// The costs are not those of the census, and the fusion rule is for those alone.
+    Trimmed,
     /// The block size is even, 0 or too large.
     BlockSize {
         /// The block size that was asked for.
@@ -346,6 +359,12 @@ impl fmt::Display for ParamsError {
             ParamsError::NoViews => write!(f, "there is no neighbouring view, at least one is needed"),
             ParamsError::TooManyViews { given, most } => {
                 write!(f, "there are {given} neighbouring views, at most {most} can be matched with")
+            }
+            ParamsError::Trimmed => {
+                write!(
+                    f,
+                    "the fusion rule is trimmed, which counts bits of the census: other costs take min, mean, heuristic or half"
+                )
             }
             ParamsError::BlockSize { given, largest } => {
                 write!(f, "the block size is {given}, it must be odd and from 1 to {largest}")

@@ -245,7 +245,7 @@ impl SemiGlobalParams {
     /// Semi-global matching with the [penalties](SemiGlobalCost::default_penalties) that suit the cost.
     ///
     /// # Errors
-    /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
+    /// [`ParamsError::TooManyViews`], [`ParamsError::Trimmed`] or [`ParamsError::BlockSize`].
     pub const fn new(search: SearchSpace, cost: SemiGlobalCost) -> Result<SemiGlobalParams, ParamsError> {
         SemiGlobalParams::with_penalties(search, cost, cost.default_penalties(search.views().len()))
     }
@@ -253,13 +253,16 @@ impl SemiGlobalParams {
     /// Semi-global matching with any penalties.
     ///
     /// # Errors
-    /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
+    /// [`ParamsError::TooManyViews`], [`ParamsError::Trimmed`] or [`ParamsError::BlockSize`].
     pub const fn with_penalties(
         search: SearchSpace,
         cost: SemiGlobalCost,
         penalties: PathPenalties,
     ) -> Result<SemiGlobalParams, ParamsError> {
         if let Err(error) = search.check_views() {
+            return Err(error);
+        }
+        if let (SemiGlobalCost::Sad { .. }, Err(error)) = (cost, search.check_fusion()) {
             return Err(error);
         }
         match cost.checked() {

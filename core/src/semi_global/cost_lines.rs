@@ -285,7 +285,7 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
     fn run(self) {
         let CostRow { isa, params, center_descriptors, views, availability, v, costs, depth } = self.0;
         let (width, count) = (params.width(), params.num_disparities());
-        let fusion = DistanceFusion::Rule(params.fusion());
+        let fusion = DistanceFusion::new(params.fusion(), params.views().len());
         availability.enter_line(0, v, None, |_, _, _| {});
         let mut samples = [[None; N]; V];
         for (samples, view) in samples.iter_mut().zip(views.iter().flatten()) {

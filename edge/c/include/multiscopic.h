@@ -53,7 +53,8 @@ enum multiscopic_fusion {
     MULTISCOPIC_MIN = 0,       /* the least cost: best for one or two views */
     MULTISCOPIC_MEAN = 1,      /* the mean of all costs */
     MULTISCOPIC_HEURISTIC = 2, /* the paper's mean of the two or three least: best for three or four */
-    MULTISCOPIC_HALF = 3       /* the mean of the least half of the costs: best for more */
+    MULTISCOPIC_HALF = 3,      /* the mean of the least half of the costs: best for more */
+    MULTISCOPIC_TRIMMED = 4    /* with the census alone: the mean of all distances, or of the best few */
 };
 
 /* The window of a census transform, the cost of semi-global matching that bears changes of brightness. */

@@ -35,7 +35,7 @@ statuses! {
     NoViews = -3, "num_views is 0, at least one neighbouring view is needed";
     TooManyViews = -4, "num_views is above 4, or above 8 where the library is built with the feature array";
     InvalidView = -5, "a view is (0, 0), which is the centre, leaves -16..16, or is given twice";
-    InvalidFusion = -6, "fusion is none of enum multiscopic_fusion";
+    InvalidFusion = -6, "fusion is none of enum multiscopic_fusion, or trimmed without the census";
     InvalidRange = -7, "min_disparity or num_disparities is out of range, at least one is searched and all are within -511..511";
     InvalidBlockSize = -8, "block_size is out of range, it is odd and from 1 to 21, for semi-global matching to 11";
     InvalidCensus = -9, "census is none of enum multiscopic_census, or not none for block matching";
@@ -55,6 +55,7 @@ impl From<ParamsError> for Status {
             ParamsError::EmptyFrame { .. } => Status::EmptyFrame,
             ParamsError::NoViews => Status::NoViews,
             ParamsError::TooManyViews { .. } => Status::TooManyViews,
+            ParamsError::Trimmed => Status::InvalidFusion,
             ParamsError::BlockSize { .. } => Status::InvalidBlockSize,
             ParamsError::Penalties { .. } => Status::InvalidPenalties,
             _ => Status::InvalidRange,

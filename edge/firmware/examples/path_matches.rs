@@ -52,14 +52,17 @@ mod image {
         let (Some(memory), Some(images)) = (MEMORY.try_take(), IMAGES.try_take()) else { return Err(Difference) };
         let mut count = 0;
         for (min_disparity, num_disparities, block_size) in sizes {
-            for (bits, fusion) in (1..16).flat_map(|bits| Fusion::ALL.map(|fusion| (bits, fusion))) {
+            for (bits, fusion) in (1..16).flat_map(|bits| Fusion::OF_ANY_COSTS.map(|fusion| (bits, fusion))) {
                 let views: Views = (0..).zip(View::CROSS).filter(|(k, _)| bits >> k & 1 != 0).map(|(_, view)| view).collect();
+                let (cost, fusion) = match count % 5 {
+                    0 => (
+                        SemiGlobalCost::Census(Census::ALL[count / 5 % Census::ALL.len()]),
+                        Fusion::ALL[count / 15 % Fusion::ALL.len()],
+                    ),
+                    _ => (SemiGlobalCost::Sad { block_size }, fusion),
+                };
                 let search =
                     SearchConfig { width: WIDTH, height: HEIGHT, views, fusion, min_disparity, num_disparities }.checked();
-                let cost = match count % 5 {
-                    0 => SemiGlobalCost::Census(Census::ALL[count / 5 % Census::ALL.len()]),
-                    _ => SemiGlobalCost::Sad { block_size },
-                };
                 let penalties = cost.default_penalties(views.len());
                 let (p1, p2) = (penalties.p1(), penalties.p2(0));
                 let (p1, p2, p2_edge) =

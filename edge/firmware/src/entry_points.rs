@@ -91,6 +91,7 @@ const fn fusion_of(name: &str) -> Option<Fusion> {
         b"mean" => Some(Fusion::Mean),
         b"heuristic" => Some(Fusion::Heuristic),
         b"half" => Some(Fusion::Half),
+        b"trimmed" => Some(Fusion::Trimmed),
         _ => None,
     }
 }

@@ -42,7 +42,8 @@ pub struct MatchingOptions {
     #[arg(long, value_parser = named::<MethodName>(), default_value = "net", help_heading = "Matching")]
     pub method: MethodName,
 
-    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more;
+    /// for sgm with the census of several neighbours trimmed]
     #[arg(long, value_parser = named::<Fusion>(), help_heading = "Matching")]
     fusion: Option<Fusion>,
 
@@ -103,7 +104,8 @@ impl MatchingOptions {
     /// # Errors
     /// If a parameter is out of its range.
     pub fn search(&self, size: [usize; 2], views: Views, default_range: (i16, u16)) -> Result<SearchSpace> {
-        let fusion = self.fusion.unwrap_or(Fusion::default_for(self.baselines.first(views).len()));
+        let default = || self.options.default_fusion(self.method, views, &self.baselines);
+        let fusion = self.fusion.unwrap_or_else(default);
         self.search.search(size, views, Some(fusion), default_range)
     }
 
@@ -184,6 +186,15 @@ impl MethodOptions {
         let method = Method { pipeline, ..method };
         let refinement = refinement.refinement(&method.refinement, method.smoother(), block_size_or_default)?;
         Ok(method.with_refinement(refinement))
+    }
+
+    /// Returns the fusion rule of a method for a match with `views`, unless another one was asked for.
+    pub fn default_fusion(&self, name: MethodName, views: Views, baselines: &BaselineOptions) -> Fusion {
+        let views = baselines.first(views).len();
+        match name {
+            MethodName::Sgm => self.semi_global.with_block_size(None).default_fusion(views),
+            _ => name.default_fusion(views),
+        }
     }
 
     /// Returns the same method for a match with `views`, of which those at longer baselines refine what the shortest found.

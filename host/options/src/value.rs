@@ -117,6 +117,7 @@ impl Named for Fusion {
             Fusion::Mean => "The mean cost of the views: quiet",
             Fusion::Heuristic => "The mean of the two or three least costs (the paper's rule for four views)",
             Fusion::Half => "The mean of the least half of the costs, rounded up: for arrays of views",
+            Fusion::Trimmed => "The mean of all or of the best few, for sgm with the census and net: quiet and sharp",
         }
     }
 }

@@ -119,8 +119,8 @@ pub const BLOCK_MATCHING: DeviationModel = DeviationModel {
 };
 /// Semi-global matching.
 pub const SEMI_GLOBAL: DeviationModel = DeviationModel {
-    weights: [0.0387, 0.155, 0.0393, 0.242, 0.0, 0.0],
-    factors: [27.9, 23.2, 22.9, 19.1, 13.9, 10.3, 6.59, 4.92, 3.30, 2.59, 2.36, 1.55, 1.16, 1.0, 1.0, 1.0],
+    weights: [0.0337, 0.135, 0.0, 0.421, 0.00752, 4.5e-6],
+    factors: [28.8, 25.2, 24.9, 22.1, 17.1, 11.8, 7.87, 6.07, 4.21, 3.18, 2.66, 1.63, 1.21, 1.0, 1.0, 1.0],
 };
 /// Graph cuts.
 pub const GRAPH_CUTS: DeviationModel = DeviationModel {

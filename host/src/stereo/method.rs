@@ -100,6 +100,17 @@ pub enum Pipeline {
     Network(&'static DisparityNetwork),
 }
 
+impl Pipeline {
+    /// True if the matching costs are Hamming distances, which [`Fusion::Trimmed`](multiscopic_core::Fusion::Trimmed) fuses.
+    fn has_census(&self) -> bool {
+        match self {
+            Pipeline::SemiGlobal { cost, .. } => !matches!(cost, CostFunction::Sad { .. }),
+            Pipeline::Network(_) => true,
+            Pipeline::BlockMatching { .. } | Pipeline::GraphCuts { .. } | Pipeline::McCnn { .. } => false,
+        }
+    }
+}
+
 /// The findings of a match, by [`Method::estimate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
@@ -343,6 +354,9 @@ impl Method {
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         engine.check(&frames.planes(), search)?;
+        if !self.pipeline.has_census() {
+            search.check_fusion()?;
+        }
         Error::check_memory(
             "the match",
             self.least_bytes(search, frames, engine),

@@ -1,6 +1,6 @@
 //! The methods by name, each with its defaults, and semi-global matching as options describe it.
 
-use multiscopic_core::{Census, PathPenalties};
+use multiscopic_core::{Census, Fusion, PathPenalties};
 
 use super::{
     Paths, SemiGlobal,
@@ -44,6 +44,14 @@ impl MethodName {
             MethodName::MccnnFast => "mccnn-fast",
             MethodName::MccnnAccurate => "mccnn-accurate",
             MethodName::Net => "net",
+        }
+    }
+
+    /// The fusion rule of so many views at the shortest baseline, for the method with its defaults.
+    pub fn default_fusion(self, views: usize) -> Fusion {
+        match self {
+            MethodName::Sgm => SemiGlobalMethod::default().default_fusion(views),
+            _ => Fusion::default_for(views),
         }
     }
 
@@ -107,6 +115,11 @@ impl Default for SemiGlobalMethod {
 }
 
 impl SemiGlobalMethod {
+    /// The fusion rule of so many views by default: for the census of several [`Fusion::Trimmed`].
+    pub fn default_fusion(&self, views: usize) -> Fusion {
+        if views > 1 && self.cost != CostName::Sad { Fusion::Trimmed } else { Fusion::default_for(views) }
+    }
+
     /// The method, for matches in a number of `views` at the shortest baseline.
     ///
     /// # Errors

@@ -21,6 +21,8 @@ pub enum Fusion {
     Heuristic,
     /// The mean of the least half of all costs, rounded up.
     Half,
+    /// The trimmed mean of bits: see [`trimmed`].
+    Trimmed,
 }
 
 /// Images and the parameters of their match.
@@ -192,11 +194,29 @@ fn fuse_on(factor: f64, fusion: Fusion, mut costs: Vec<f64>) -> Option<f64> {
         (Fusion::Min, _) => (1.0, 1),
         (Fusion::Mean, n) => (840.0, n),
         (Fusion::Half, n) => (12.0, n - n / 2),
+        (Fusion::Trimmed, _) => panic!("sums of absolute differences have no bits"),
         (Fusion::Heuristic, n) if n >= 3 && costs[2] > 3.0 * costs[1] => (6.0, 2),
         (Fusion::Heuristic, n) => (6.0, n.min(3)),
     };
     // Multiply before dividing, so that the quotient is exact.
     Some(factor * scale * costs[..averaged].iter().sum::<f64>() / averaged as f64)
+}
+
+/// The trimmed mean of the Hamming distances, rounded down, in those of so many views that see a match; `None` if there are none.
+///
+/// Of the views, the greatest power of two counts. The mean of the 1, 2, 4, ... least distances costs 2 bits for each further
+/// doubling for which there are distances, and one for each for which there are none; a single one that could be two costs
+/// another bit.
+pub fn trimmed(mut distances: Vec<i64>, views: usize) -> Option<i64> {
+    distances.sort();
+    let doublings = |number: usize| (0..).take_while(|k| 2 << k <= number).count() as i64;
+    let seen = distances.len().min(views);
+    let of = |number: usize| {
+        let mean = distances[..number].iter().sum::<i64>() / number as i64;
+        let single = i64::from(number == 1 && seen > 1);
+        mean + 2 * (doublings(seen) - doublings(number)) + single + doublings(views) - doublings(seen)
+    };
+    (0..).map(|k| 1 << k).take_while(|number| *number <= seen).map(of).min()
 }
 
 /// A disparity in 64ths of a pixel, rounded to nearest, halves away from zero.

@@ -152,6 +152,7 @@ impl Energy {
             super::Fusion::Min => 1.0,
             super::Fusion::Mean => 840.0,
             super::Fusion::Half => 12.0,
+            super::Fusion::Trimmed => panic!("grey values have no bits"),
             super::Fusion::Heuristic => 6.0,
         };
         super::fuse(self.fusion, costs).map(|cost| cost / scale)

@@ -1,7 +1,7 @@
 //! Reference for semi-global matching: the paper's recursion, pixel by pixel, in integers that never
 //! saturate. `multiscopic_core::SemiGlobalParams` has the definition that it follows.
 
-use crate::{Fusion, fixed, grade_at};
+use crate::{Fusion, block_matching::trimmed, fixed, grade_at};
 
 /// The step `(du, dv)` along each path.
 pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0, -1), (1, -1), (-1, -1)];
@@ -260,6 +260,7 @@ impl SemiGlobal<'_> {
                 let mean = |costs: &[i64]| (costs.iter().sum::<i64>(), costs.len() as i64);
                 let (sum, count) = match (self.fusion, &costs[..]) {
                     (_, []) => return None,
+                    (Fusion::Trimmed, _) => (trimmed(costs, images.len())?, 1),
                     (Fusion::Min, [a, ..]) | (Fusion::Heuristic, [a]) => (*a, 1),
                     (Fusion::Mean, costs) => mean(costs),
                     (Fusion::Half, costs) => mean(&costs[..costs.len().div_ceil(2)]),

@@ -2,7 +2,7 @@
 
 use std::{env, str::FromStr, time::SystemTime};
 
-use multiscopic_core::{BlockMatchingParams, PathPenalties, Views};
+use multiscopic_core::{BlockMatchingParams, PathPenalties, SearchSpace, Views};
 use multiscopic_reference::{
     Fusion, Match, raw16,
     semi_global::{Cost, SemiGlobal},
@@ -15,7 +15,7 @@ use proptest::{
 
 use crate::test_images::{
     ViewSet,
-    core_match::{params_in, views},
+    core_match::{params_in, search_in, views},
 };
 
 /// The content of generated images.
@@ -150,6 +150,18 @@ impl Case {
         params_in(self.width, self.height, views(self.views, &self.others), self.fusion, search, self.block_size)
     }
 
+    /// The core's search for this match.
+    pub fn search(&self) -> SearchSpace {
+        let range = (self.min_disparity, self.num_disparities);
+        search_in([self.width, self.height], views(self.views, &self.others), self.fusion, range)
+    }
+
+    /// This match, in half of all cases by the rule that fuses bits of the census alone.
+    pub fn of_census(&self) -> Case {
+        let fusion = if self.seed.is_multiple_of(2) { Fusion::Trimmed } else { self.fusion };
+        Case { fusion, ..self.clone() }
+    }
+
     /// This match of its `images` for the float reference.
     pub fn block_match<'a>(&self, images: &'a ViewSet) -> Match<'a> {
         images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size)
@@ -172,7 +184,8 @@ impl Case {
         let p2 = [random.below(10), random.below(52), PathPenalties::MAX.into()][random.below(3)] as i64;
         let p1 = random.below(p2 as usize + 1) as i64;
         let p2_edge = [None, Some(i64::from(random.byte() / 8))][random.below(2)];
-        let reference = images.semi_global(self.fusion, self.min_disparity, self.num_disparities, cost, [p1, p2]);
+        let fusion = if matches!(cost, Cost::Sad(_)) { self.fusion } else { self.of_census().fusion };
+        let reference = images.semi_global(fusion, self.min_disparity, self.num_disparities, cost, [p1, p2]);
         SemiGlobal { p2_edge, ..reference }
     }
 

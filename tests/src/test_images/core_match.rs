@@ -42,16 +42,27 @@ pub fn params_in(
     height: usize,
     views: Views,
     fusion: Fusion,
-    (min_disparity, num_disparities): (i32, i32),
+    range: (i32, i32),
     block_size: i32,
 ) -> BlockMatchingParams {
+    let block_size = block_size.try_into().expect("a parameter's type");
+    BlockMatchingParams::block_matching(search_in([width, height], views, fusion, range), block_size).expect("valid parameters")
+}
+
+/// The core's search in frames of a width and a height.
+pub fn search_in(
+    [width, height]: [usize; 2],
+    views: Views,
+    fusion: Fusion,
+    (min_disparity, num_disparities): (i32, i32),
+) -> SearchSpace {
     let fusion = match fusion {
         Fusion::Min => CoreFusion::Min,
         Fusion::Mean => CoreFusion::Mean,
         Fusion::Heuristic => CoreFusion::Heuristic,
         Fusion::Half => CoreFusion::Half,
+        Fusion::Trimmed => CoreFusion::Trimmed,
     };
-    let narrow = |value: i32| value.try_into().expect("a parameter's type");
     SearchConfig {
         width: width as u16,
         height: height as u16,
@@ -60,8 +71,8 @@ pub fn params_in(
         min_disparity: min_disparity as i16,
         num_disparities: num_disparities as u16,
     }
-    .block_matching(narrow(block_size))
-    .expect("valid parameters")
+    .checked()
+    .expect("a valid search")
 }
 
 /// The core's parameters for the match that `reference` describes.
@@ -70,8 +81,7 @@ pub fn semi_global_params(reference: &SemiGlobal) -> SemiGlobalParams {
         reference;
     let others: Vec<(i32, i32)> = others.iter().map(|(offset, _)| *offset).collect();
     let views = self::views(views.map(|view| view.is_some()), &others);
-    let range = (min_disparity, num_disparities);
-    let search = *params_in(width as usize, height as usize, views, fusion, range, 1).search();
+    let search = search_in([width as usize, height as usize], views, fusion, (min_disparity, num_disparities));
     let cost = match cost {
         Cost::Census(rx, ry) => {
             let window = Census::ALL.into_iter().find(|census| census.radius() == [rx as usize, ry as usize]);

@@ -183,30 +183,13 @@ fn inputs_equal_the_reference() {
 
 /// Compares the network's inputs of a match with their definition, and the method with the network of these inputs.
 fn check_inputs(case: &Case, engines: &[Engine]) {
+    let case = &case.of_census();
     let images = case.images();
     // The network takes an even number of disparities, unless the last one is the greatest possible.
     let is_last = case.min_disparity + case.num_disparities == 512;
     let count = if is_last { case.num_disparities } else { (case.num_disparities + 1) / 2 * 2 };
     let sgm = images.semi_global(case.fusion, case.min_disparity, count, Cost::Census(4, 3), [8, 48]);
-    let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
-    let fusion = match case.fusion {
-        Fusion::Min => CoreFusion::Min,
-        Fusion::Mean => CoreFusion::Mean,
-        Fusion::Heuristic => CoreFusion::Heuristic,
-        Fusion::Half => CoreFusion::Half,
-    };
-    let (width, height) = (images.width as u16, images.height as u16);
-    let set = views(images.views.each_ref().map(Option::is_some), &offsets);
-    let search = SearchConfig {
-        width,
-        height,
-        views: set,
-        fusion,
-        min_disparity: case.min_disparity as i16,
-        num_disparities: case.num_disparities as u16,
-    }
-    .checked();
-    let search = search.expect("a search of the case");
+    let search = case.search();
     let engine = &engines[case.seed as usize % engines.len()];
     let found = Inputs::new(&images.frames().planes(), &search, engine, &()).expect("the frames fit the search");
     assert_eq!(found, product_inputs(&NetworkInputs::of_images(&sgm)));

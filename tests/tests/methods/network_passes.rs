@@ -67,7 +67,7 @@ impl Task for CheckedPass<'_> {
         let CheckedPass { pair, params, images, expected, .. } = self;
         let search = params.search();
         let (width, height) = (search.width(), search.height());
-        let fusion = DistanceFusion::Rule(search.fusion());
+        let fusion = DistanceFusion::new(search.fusion(), search.views().len());
         let depth = search.num_disparities().next_multiple_of(I::LANES);
         let mut memory = |words: usize| (0..words).map(|_| self.random.bits() as u32).collect::<Vec<u32>>();
         let mut lent = memory(CensusPairLines::<I>::memory_words(pair, search));
@@ -102,6 +102,7 @@ impl Task for CheckedPass<'_> {
 
 /// Compares both passes over a match in the centre's row of the array.
 fn check(case: &Case) {
+    let case = &case.of_census();
     let (images, mut random) = (case.images(), Random(case.seed));
     let p2 = [random.below(52), 48][random.below(2)] as i64;
     let p1 = random.below(p2 as usize + 1) as i64;

@@ -6,7 +6,11 @@ use core::{ops::Range, ptr};
 use bytemuck::{Zeroable, bytes_of, bytes_of_mut};
 
 use super::{ByteVector, Bytes, as_vectors, as_vectors_mut};
-use crate::{Fusion, infallible};
+use crate::{
+    Fusion,
+    fusion::{BEYOND_FRAME, hidden, most_doublings},
+    infallible,
+};
 
 /// The candidates of a pixel in a view, with descriptors of `N` bytes.
 #[derive(Clone, Debug)]
@@ -23,8 +27,42 @@ pub struct Candidates<'a, const N: usize> {
 pub enum DistanceFusion {
     /// By a rule.
     Rule(Fusion),
+    /// By [`Fusion::Trimmed`] of so many views, of which some may see no candidate.
+    Trimmed {
+        /// The number of views.
+        views: usize,
+    },
     /// The [`mean_of_inliers`]: with up to four views, [`Fusion::Mean`].
     Inliers,
+}
+
+impl DistanceFusion {
+    /// The fusion by a rule of so many views.
+    pub const fn new(fusion: Fusion, views: usize) -> DistanceFusion {
+        match fusion {
+            Fusion::Trimmed => DistanceFusion::Trimmed { views },
+            rule => DistanceFusion::Rule(rule),
+        }
+    }
+}
+
+/// The [trimmed](Fusion::Trimmed) mean of the distances in those of `views` that see a candidate, rounded down. 255 of none.
+///
+/// Sorts the distances.
+pub fn trimmed_mean(distances: &mut [u8], views: usize) -> u8 {
+    distances.sort_unstable();
+    let Some(&least) = distances.first() else { return u8::MAX };
+    let mut fused = u32::from(least);
+    for doubling in 1..=most_doublings(views) {
+        fused = match distances.get(..1 << doubling) {
+            Some(kept) => {
+                let sum: u32 = kept.iter().copied().map(u32::from).sum();
+                (sum >> doubling).min(fused + hidden(doubling))
+            }
+            None => fused + BEYOND_FRAME,
+        };
+    }
+    fused as u8
 }
 
 /// The mean of distances, rounded down: of more than four, without the greatest quarter, which is rounded down. Of several views
@@ -198,6 +236,8 @@ fn lane_bound(index: u16, first: usize) -> u8 {
 fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I::Bytes; V]) -> I::Bytes {
     let none = isa.splat_byte(u8::MAX);
     let fusion = match fusion {
+        DistanceFusion::Rule(Fusion::Trimmed) => return trimmed(isa, V, costs),
+        DistanceFusion::Trimmed { views } => return trimmed(isa, views, costs),
         DistanceFusion::Rule(fusion) => fusion,
         DistanceFusion::Inliers => {
             if V > 4 {
@@ -207,7 +247,7 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
         }
     };
     match fusion {
-        Fusion::Min => {
+        Fusion::Min | Fusion::Trimmed => {
             let mut least = none;
             for cost in costs {
                 least = least.min(cost);
@@ -261,6 +301,28 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
             none.if_greater(c2, several, c1)
         }
     }
+}
+
+/// The costs of `views` fused by [`Fusion::Trimmed`], of which up to eight are given.
+#[inline(always)]
+fn trimmed<I: Bytes, const V: usize>(isa: I, views: usize, mut costs: [I::Bytes; V]) -> I::Bytes {
+    sort(&mut costs);
+    let none = isa.splat_byte(u8::MAX);
+    let bits = |bits: u32| isa.splat_byte(bits as u8);
+    let (mut sum, mut fused) = (costs[0], costs[0]);
+    for doubling in 1..=most_doublings(V).min(most_doublings(views)) {
+        let count = 1 << doubling;
+        for &cost in costs.iter().take(count).skip(count / 2) {
+            sum = sum.add(cost);
+        }
+        let mut mean = sum;
+        for _ in 0..doubling {
+            mean = mean.halved();
+        }
+        let trimmed = mean.min(fused.add(bits(hidden(doubling))));
+        fused = none.if_greater(costs[(count - 1) % V], trimmed, fused.add(bits(BEYOND_FRAME)));
+    }
+    fused
 }
 
 /// Sorts costs of up to eight views, and hides those that are not among the [inliers](mean_of_inliers).

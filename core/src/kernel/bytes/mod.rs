@@ -16,7 +16,7 @@ mod paths;
 use super::blocks::Blocks;
 #[cfg(multiscopic_mve)]
 pub(super) use hamming::hamming_loop;
-pub use hamming::{CandidateRun, Candidates, DistanceFusion, hamming_run, mean_of_inliers};
+pub use hamming::{CandidateRun, Candidates, DistanceFusion, hamming_run, mean_of_inliers, trimmed_mean};
 pub use loops::{BackwardRun, ForwardRun, Kernel, PixelLoops, PixelPaths, RunLoops, RunPenalties};
 #[cfg(multiscopic_dsp)]
 pub(super) use loops::{backward_loop, forward_loop};

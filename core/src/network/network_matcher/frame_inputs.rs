@@ -209,7 +209,7 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
         let least_steps = i32::from(search.min_disparity()) * Disparity::STEPS;
         let [a, b] = winners;
         let Some(pair) = costs.get_mut(pass) else { return };
-        let fusion = DistanceFusion::Rule(search.fusion());
+        let fusion = DistanceFusion::new(search.fusion(), search.views().len());
         let mut costs = |v: usize, costs: &mut [u8]| {
             pair.line(v, fusion, costs);
             progress();

@@ -56,7 +56,7 @@ mod image {
         ];
         let mut count = 0;
         for (size, (min_disparity, num_disparities, block_size)) in sizes.into_iter().enumerate() {
-            for (bits, fusion) in (1..16).flat_map(|bits| Fusion::ALL.map(|fusion| (bits, fusion))) {
+            for (bits, fusion) in (1..16).flat_map(|bits| Fusion::OF_ANY_COSTS.map(|fusion| (bits, fusion))) {
                 let views: Views = (0..).zip(View::CROSS).filter(|(k, _)| bits >> k & 1 != 0).map(|(_, view)| view).collect();
                 // A set of views and a rule meet another pattern at each size.
                 let pattern = Pattern::ALL[(count + size) % Pattern::ALL.len()];

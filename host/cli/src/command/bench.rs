@@ -8,7 +8,7 @@ use multiscopic::{
     Error, Frames, Method, Result,
     stereo::{MethodName, Paths, Pipeline, network::DotProducts},
 };
-use multiscopic_core::{BlockMatchingParams, Fusion, SearchSpace};
+use multiscopic_core::{Fusion, SearchSpace};
 
 use super::{
     limits,
@@ -93,39 +93,38 @@ impl Bench {
             )));
         }
         let search = self.search.search(size, views, self.fusion, (1, 64))?;
-        let params = self.search.params(search)?;
         self.options.check_block_size(&[self.method], self.search.block_size)?;
         let method: Method = self.options.method(self.method, self.search.block_size, views.len())?;
         if self.opencv {
-            let matcher = opencv_matcher(&method, params.num_disparities())?;
-            let program = opencv_program(params.search(), &matcher, [self.engine.threads, self.repeat]);
+            let matcher = opencv_matcher(&method, search.num_disparities())?;
+            let program = opencv_program(&search, &matcher, [self.engine.threads, self.repeat]);
             terminal::print(&program)?;
             return Ok(ExitCode::SUCCESS);
         }
-        let frames = noise_frames(&params);
+        let frames = noise_frames(&search);
         let engine = self.engine.engine()?;
-        let mut kernel = engine.simd(params.search()).to_string();
+        let mut kernel = engine.simd(&search).to_string();
         if self.method == MethodName::Net {
             kernel = format!("{kernel} and {}", DotProducts::of(&engine));
         }
         let mut seconds = f64::INFINITY;
         for _ in 0..self.repeat {
             let start = Instant::now();
-            std::hint::black_box(method.disparities(&engine, &frames, params.search(), &())?);
+            std::hint::black_box(method.disparities(&engine, &frames, &search, &())?);
             seconds = seconds.min(start.elapsed().as_secs_f64());
         }
         let report = Measurement {
             method: self.method.name(),
-            width: params.width(),
-            height: params.height(),
-            num_disparities: params.num_disparities(),
-            block_size: params.block_size(),
-            views: params.views().len(),
-            fusion: params.fusion().name(),
+            width: search.width(),
+            height: search.height(),
+            num_disparities: search.num_disparities(),
+            block_size: self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE).into(),
+            views: search.views().len(),
+            fusion: search.fusion().name(),
             threads: engine.threads(),
             kernel,
             seconds,
-            gde_per_s: params.evaluations() as f64 / seconds / 1e9,
+            gde_per_s: search.evaluations() as f64 / seconds / 1e9,
         };
         terminal::print_report(&report, self.json)?;
         Ok(ExitCode::SUCCESS)
@@ -145,16 +144,16 @@ impl fmt::Display for Measurement {
 ///
 /// Its contrast is that of textured images, and it has a match. Otherwise a search would take longer: fused costs often
 /// exceed 16 bits, and are then computed again.
-fn noise_frames(params: &BlockMatchingParams) -> Frames {
+fn noise_frames(search: &SearchSpace) -> Frames {
     let noise = |u: i32, v: i32| {
         let mut hash = (u as u32).wrapping_mul(0x9E37_79B1) ^ (v as u32).wrapping_mul(0x85EB_CA77);
         hash = (hash ^ hash >> 15).wrapping_mul(0x2C1B_3C6D);
         (hash >> 26) as u8
     };
-    let (width, height) = (params.width() as u32, params.height() as u32);
+    let (width, height) = (search.width() as u32, search.height() as u32);
     let shifted = |(du, dv): (i32, i32)| GrayImage::from_fn(width, height, |u, v| Luma([noise(u as i32 - du, v as i32 - dv)]));
-    let middle = i16::midpoint(params.min_disparity(), params.max_disparity());
-    params.views().iter().fold(Frames::new(shifted((0, 0))), |frames, view| frames.with(view, shifted(view.shift(middle))))
+    let middle = i16::midpoint(search.min_disparity(), search.max_disparity());
+    search.views().iter().fold(Frames::new(shifted((0, 0))), |frames, view| frames.with(view, shifted(view.shift(middle))))
 }
 
 /// The call that makes OpenCV's matcher of the same kind, without its filters. OpenCV takes multiples of 16 disparities.

@@ -185,16 +185,18 @@ impl Budget {
     /// Returns the match of a profile, or that of the options.
     fn matching(&self) -> Result<Matching> {
         let profile = profile::ALL.into_iter().find(|profile| Some(profile.name) == self.profile.as_deref());
-        profile.map_or_else(|| self.custom_matching(), |profile| Ok(self.profile_matching(&profile)))
+        profile.map_or_else(|| self.custom_matching(), |profile| self.profile_matching(&profile))
     }
 
     fn size(&self) -> [usize; 2] {
         [self.width, self.height].map(|side| usize::from(side.unwrap_or_default()))
     }
 
-    fn profile_matching(&self, profile: &Profile) -> Matching {
+    fn profile_matching(&self, profile: &Profile) -> Result<Matching> {
         let views = profile.matching(Fusion::Min).search().views().len();
-        profile.matching(self.fusion.unwrap_or(Fusion::default_for(views)))
+        let fusion = self.fusion.unwrap_or(Fusion::default_for(views));
+        profile.check_fusion(fusion)?;
+        Ok(profile.matching(fusion))
     }
 
     /// Returns the matching that is computed without a profile.

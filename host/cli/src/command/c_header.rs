@@ -26,6 +26,7 @@ pub fn c_header(matching: &Matching) -> Result<String> {
         Fusion::Mean => "MULTISCOPIC_MEAN",
         Fusion::Heuristic => "MULTISCOPIC_HEURISTIC",
         Fusion::Half => "MULTISCOPIC_HALF",
+        Fusion::Trimmed => "MULTISCOPIC_TRIMMED",
     };
     Ok(format!(
         "/* A match by multiscopic.h, on processors of 32 bits: `multiscopic budget --header` wrote it. */\n\

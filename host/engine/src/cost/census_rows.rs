@@ -4,7 +4,9 @@ use std::{ops::Range, sync::Arc};
 
 use multiscopic_core::{
     Census, Frame, MatchingCost, SearchSpace, View, Views,
-    kernel::{CandidateRun, Candidates, DistanceFusion, Kernel, Work, as_vectors_mut, hamming_run, mean_of_inliers},
+    kernel::{
+        CandidateRun, Candidates, DistanceFusion, Kernel, Work, as_vectors_mut, hamming_run, mean_of_inliers, trimmed_mean,
+    },
 };
 
 use super::{
@@ -303,7 +305,7 @@ impl<'a> CensusRows<'a> {
         };
         engine.pool().install(|| CensusRows {
             search,
-            fusion: DistanceFusion::Rule(search.fusion()),
+            fusion: DistanceFusion::new(search.fusion(), search.views().len()),
             simd,
             center: Arc::new(census_image(Frame::Center, Orientation::Upright, [0, 0])),
             views: search.views().iter().map(view).collect(),
@@ -390,6 +392,7 @@ impl<'a> CensusRows<'a> {
                 }));
                 *fused = match self.fusion {
                     DistanceFusion::Inliers => mean_of_inliers(&mut distances),
+                    DistanceFusion::Trimmed { views } => trimmed_mean(&mut distances, views),
                     DistanceFusion::Rule(fusion) => {
                         let mut costs = [u64::MAX; Views::MAX];
                         costs.iter_mut().zip(&distances).for_each(|(cost, &distance)| *cost = distance.into());

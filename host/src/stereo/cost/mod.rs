@@ -68,6 +68,7 @@ fn fuse_views<const V: usize>(fusion: Fusion, views: [&[f32]; V], fused: &mut [f
         Fusion::Mean => fuse_by!(Fusion::Mean),
         Fusion::Heuristic => fuse_by!(Fusion::Heuristic),
         Fusion::Half => fuse_by!(Fusion::Half),
+        Fusion::Trimmed => fuse_by!(Fusion::Trimmed),
     }
 }
 

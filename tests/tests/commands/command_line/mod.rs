@@ -37,6 +37,7 @@ fn name(fusion: Fusion) -> &'static str {
         Fusion::Mean => "mean",
         Fusion::Heuristic => "heuristic",
         Fusion::Half => "half",
+        Fusion::Trimmed => "trimmed",
     }
 }
 

@@ -49,7 +49,7 @@ pub fn variants(layout: Layout, baselines: &[u8]) -> Result<Vec<Variant>> {
             }
             views = views.with(further);
         }
-        let default = variant(named, views, default_fusion(views));
+        let default = variant(named, views, default_fusion(MethodName::Bm, views));
         variants.retain(|variant| *variant != default);
         variants.push(default);
     }
@@ -61,16 +61,16 @@ pub fn other_methods(layout: Layout) -> Vec<Variant> {
     let views = layout.views();
     let takes_all = |method: &MethodName| *method != MethodName::Gc || views.len() <= Views::MAX_MATCHED;
     let methods = [MethodName::Net, MethodName::Sgm, MethodName::Gc].into_iter().filter(takes_all);
-    methods.map(|method| Variant { method, layout: None, views, fusion: default_fusion(views) }).collect()
+    methods.map(|method| Variant { method, layout: None, views, fusion: default_fusion(method, views) }).collect()
 }
 
 /// Returns true if a variant has the rule that its views have by default.
 pub fn is_default(variant: &Variant) -> bool {
-    variant.fusion == default_fusion(variant.views)
+    variant.fusion == default_fusion(variant.method, variant.views)
 }
 
-fn default_fusion(views: Views) -> Fusion {
-    Fusion::default_for(BaselineRefinement::shortest(views).len())
+fn default_fusion(method: MethodName, views: Views) -> Fusion {
+    method.default_fusion(BaselineRefinement::shortest(views).len())
 }
 
 /// The stem of a variant's files.

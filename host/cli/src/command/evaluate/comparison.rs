@@ -36,7 +36,8 @@ pub struct Comparison {
     #[arg(long, value_parser = named::<MethodName>(), value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
     methods: Vec<MethodName>,
 
-    /// Fusion rules for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
+    /// Fusion rules for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more;
+    /// for sgm with the census of several neighbours trimmed]
     #[arg(long, value_parser = named::<Fusion>(), value_delimiter = ',', help_heading = "Matching")]
     fusion: Vec<Fusion>,
 }
@@ -54,7 +55,7 @@ impl Comparison {
 
     /// Every method with every set of views, those of `--views` first and stereo before all others, and every fusion rule where
     /// there are several views.
-    pub fn variants(&self, dataset: Dataset, long: &BaselineOptions) -> Result<Vec<Variant>> {
+    pub fn variants(&self, dataset: Dataset, options: &MethodOptions, long: &BaselineOptions) -> Result<Vec<Variant>> {
         let nearest = self.nearest(dataset)?;
         let has_none = |&&multiple: &&u8| !further(Views::CROSS, multiple).any(|view| dataset.has(view));
         if let Some(multiple) = self.baselines.iter().find(has_none) {
@@ -64,7 +65,7 @@ impl Comparison {
         let mut variants = Vec::new();
         for &method in &self.methods {
             for &(layout, views) in &nearest {
-                let fusions = self.fusions(views, long);
+                let fusions = self.fusions(views, options.default_fusion(method, views, long));
                 for count in 0..=self.baselines.len() {
                     let views = at_baselines(dataset, views, &self.baselines[..count])?;
                     for &fusion in &fusions {
@@ -91,7 +92,7 @@ impl Comparison {
 
     /// Every method with every set of views of a rig, those of `--views` or all, and every fusion rule where there are several
     /// views.
-    pub fn variants_of_rig(&self, rig: Views, long: &BaselineOptions) -> Result<Vec<Variant>> {
+    pub fn variants_of_rig(&self, rig: Views, options: &MethodOptions, long: &BaselineOptions) -> Result<Vec<Variant>> {
         let mut sets = Vec::new();
         for &count in &self.views {
             let views = views_of_count(count)?;
@@ -105,15 +106,16 @@ impl Comparison {
         }
         let mut variants = Vec::new();
         for (&method, &views) in self.methods.iter().flat_map(|method| sets.iter().map(move |views| (method, views))) {
-            variants.extend(self.fusions(views, long).into_iter().map(|fusion| Variant { method, layout: None, views, fusion }));
+            let fusions = self.fusions(views, options.default_fusion(method, views, long));
+            variants.extend(fusions.into_iter().map(|fusion| Variant { method, layout: None, views, fusion }));
         }
         Ok(variants)
     }
 
     /// The fusion rules for views.
-    fn fusions(&self, views: Views, long: &BaselineOptions) -> Vec<Fusion> {
+    fn fusions(&self, views: Views, default: Fusion) -> Vec<Fusion> {
         match (&self.fusion[..], views.len()) {
-            ([], _) => vec![Fusion::default_for(long.first(views).len())],
+            ([], _) => vec![default],
             // All rules agree on a single cost.
             ([first, ..], 1) => vec![*first],
             (fusions, _) => fusions.to_vec(),

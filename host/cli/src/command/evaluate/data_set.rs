@@ -51,8 +51,8 @@ impl Evaluate {
     /// machine.
     pub(super) fn run_dataset(&self, dataset: Dataset, directory: &Path, settings: &RunSettings) -> Result<ExitCode> {
         let dataset = self.comparison.dataset(dataset)?;
-        let variants = self.comparison.variants(dataset, &self.long_baselines)?;
         let options = self.options.clone().for_dataset(dataset);
+        let variants = self.comparison.variants(dataset, &options, &self.long_baselines)?;
         let methods = MethodTable::new(&variants, &options, self.search.block_size, &self.long_baselines)?;
         let scenes = self.selected_scenes(dataset, directory)?;
         let inputs = |scene: &DatasetScene| -> BTreeSet<PathBuf> {

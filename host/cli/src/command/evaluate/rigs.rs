@@ -31,7 +31,7 @@ impl Evaluate {
         let mut rigs = self.directories.iter().map(|directory| self.rig.files(directory)).collect::<Result<Vec<_>>>()?;
         self.check_rigs(&rigs)?;
         let views = rigs[0].source.images.views();
-        let variants = self.comparison.variants_of_rig(views, &self.long_baselines)?;
+        let variants = self.comparison.variants_of_rig(views, &self.options, &self.long_baselines)?;
         let methods = MethodTable::new(&variants, &self.options, self.search.block_size, &self.long_baselines)?;
         output::check(&self.outputs(), &rigs.iter().flat_map(RigFiles::paths).collect::<Vec<_>>())?;
         let engine = self.engine.engine()?;

@@ -84,6 +84,7 @@ impl Simulate {
         let profile = profile.expect("the parser admits the profiles' names alone");
         let views = profile.matching(Fusion::Min).search().views();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(views.len()));
+        profile.check_fusion(fusion)?;
         let matching = profile.matching(fusion);
         if let (Some(path), false) = (&self.confidence, matching.has_confidences()) {
             let message = format!("profile {} computes no confidences, --confidence {} needs them", profile.name, path.display());

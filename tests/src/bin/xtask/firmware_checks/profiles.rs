@@ -35,7 +35,7 @@ use crate::{
 /// views is fused exactly, one candidate at a time.
 pub fn fusions(profile: &Profile) -> impl Iterator<Item = Fusion> + use<> {
     let has_half = profile.needs_array();
-    Fusion::ALL.into_iter().filter(move |&fusion| has_half || fusion != Fusion::Half)
+    Fusion::OF_ANY_COSTS.into_iter().filter(move |&fusion| has_half || fusion != Fusion::Half)
 }
 
 /// A profile, and the fusion rules by which its firmware matches.
@@ -85,7 +85,7 @@ pub struct Selection {
     #[arg(long, value_parser = profile::ALL.iter().map(|profile| profile.name).chain([rectifying::NAME, sweeping::NAME]).collect::<Vec<_>>())]
     profile: Option<String>,
     /// Only this fusion rule
-    #[arg(long, value_parser = Fusion::ALL.map(Fusion::name))]
+    #[arg(long, value_parser = Fusion::OF_ANY_COSTS.map(Fusion::name))]
     fusion: Option<String>,
     /// Only this board
     #[arg(long, value_parser = emulated_board::all().map(|board| board.name).collect::<Vec<_>>())]
@@ -479,7 +479,7 @@ mod tests {
         assert_eq!(runs.iter().map(|run| run.1.name).collect::<BTreeSet<_>>(), profiles);
         for board in [&emulated_board::REFERENCE, &emulated_board::VECTORS] {
             let rules: BTreeSet<&str> = runs.iter().filter(|run| run.0.name == board.name).map(|run| run.2.name()).collect();
-            assert_eq!(rules, Fusion::ALL.map(Fusion::name).into());
+            assert_eq!(rules, Fusion::OF_ANY_COSTS.map(Fusion::name).into());
         }
     }
 }

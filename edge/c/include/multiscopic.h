@@ -105,7 +105,7 @@ enum multiscopic_statuses {
     MULTISCOPIC_NO_VIEWS = -3,              /* num_views is 0 */
     MULTISCOPIC_TOO_MANY_VIEWS = -4,        /* num_views is above 4, or 8 */
     MULTISCOPIC_INVALID_VIEW = -5,          /* a view is (0, 0), leaves -16..16 or is given twice */
-    MULTISCOPIC_INVALID_FUSION = -6,        /* fusion is none of enum multiscopic_fusion */
+    MULTISCOPIC_INVALID_FUSION = -6,        /* fusion is none of enum multiscopic_fusion, or trimmed without the census */
     MULTISCOPIC_INVALID_RANGE = -7,         /* num_disparities is 0, or a disparity leaves -511..511 */
     MULTISCOPIC_INVALID_BLOCK_SIZE = -8,    /* block_size is even, or too large */
     MULTISCOPIC_INVALID_CENSUS = -9,        /* census is none of enum multiscopic_census, or given to bm */

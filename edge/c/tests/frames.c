@@ -106,7 +106,8 @@ static int refusals(void) {
     REFUSED(multiscopic_bm2, num_views, 1, MULTISCOPIC_OTHER_METHOD);
     REFUSED(multiscopic_bm2, views[1].right, -1, MULTISCOPIC_INVALID_VIEW);
     REFUSED(multiscopic_bm2, views[1].right, 17, MULTISCOPIC_INVALID_VIEW);
-    REFUSED(multiscopic_bm2, fusion, 4, MULTISCOPIC_INVALID_FUSION);
+    REFUSED(multiscopic_bm2, fusion, MULTISCOPIC_TRIMMED, MULTISCOPIC_INVALID_FUSION);
+    REFUSED(multiscopic_bm2, fusion, 5, MULTISCOPIC_INVALID_FUSION);
     REFUSED(multiscopic_bm2, num_disparities, 0, MULTISCOPIC_INVALID_RANGE);
     REFUSED(multiscopic_bm2, min_disparity, 500, MULTISCOPIC_INVALID_RANGE);
     REFUSED(multiscopic_bm2, block_size, 6, MULTISCOPIC_INVALID_BLOCK_SIZE);

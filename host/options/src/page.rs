@@ -200,7 +200,7 @@ mod tests {
                 Input::Slider(slider) => format!("slider from {} to {}", slider.least, slider.most),
             }
         };
-        assert_eq!(values("fusion"), "default min mean heuristic half");
+        assert_eq!(values("fusion"), "default min mean heuristic half trimmed");
         assert_eq!(values("paths"), "5 4 8");
         assert_eq!(values("census"), "9x7 5x5 7x7");
         assert_eq!((values("smooth"), values("fill")), ("flag ".into(), "flag background".into()));

@@ -30,7 +30,7 @@ pub mod split_mix;
 mod sweep;
 
 pub use around_prior::AroundPrior;
-pub use block_matching::{FusedCosts, Fusion, Match, fixed, fuse, raw16};
+pub use block_matching::{FusedCosts, Fusion, Match, fixed, fuse, raw16, trimmed};
 pub use disparity_network::DisparityNetwork;
 pub use images::{RectifiedImage, confidence, grade, grade_at, gradients, medians, rectify, texture};
 pub use lucas_kanade::LucasKanade;

@@ -1,7 +1,7 @@
 //! Reference for semi-global matching: the paper's recursion, pixel by pixel, in integers that never
 //! saturate. `multiscopic_core::SemiGlobalParams` has the definition that it follows.
 
-use crate::{Fusion, block_matching::trimmed, fixed, grade_at};
+use crate::{Fusion, fixed, grade_at, trimmed};
 
 /// The step `(du, dv)` along each path.
 pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0, -1), (1, -1), (-1, -1)];

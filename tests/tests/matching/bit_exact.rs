@@ -11,7 +11,7 @@ use multiscopic_core::{
     BlockMatchingParams, Disparity, Fusion as CoreFusion, MatchingCost, Region, Triangulation,
     kernel::{Kernel, Portable},
 };
-use multiscopic_reference::{Fusion, fixed, fuse, raw16, split_mix::Random};
+use multiscopic_reference::{Fusion, fixed, fuse, raw16, split_mix::Random, trimmed};
 use multiscopic_tests::test_images::{
     ViewSet,
     case::{Appearance, Case, cases, property},
@@ -62,6 +62,28 @@ fn fusion_is_exact() {
             let found = Some(core.fuse(views)).filter(|cost| cost.exists());
             let quotient = expected.map(|expected| (expected / core.scale(8) as f64) as f32);
             assert_eq!(found, quotient, "{core:?} of floats");
+        }
+    });
+}
+
+/// Sums are in eighths of a bit, and in quarters with four views.
+#[test]
+fn the_trimmed_mean_is_exact() {
+    let distances = prop_oneof![prop::collection::vec(0..=31_u32, 0..=8), prop::collection::vec(0..=6_u32, 0..=8)];
+    property(20_000, distances, |distances: &Vec<u32>| {
+        fn fused<const V: usize>(distances: &[u32]) -> Option<i64> {
+            let mut views = [u32::NONE; V];
+            views[..distances.len()].copy_from_slice(distances);
+            let fused = Some(CoreFusion::Trimmed.fuse(views)).filter(|cost| cost.exists())?;
+            Some(i64::from(fused) / CoreFusion::Trimmed.scale(V) as i64)
+        }
+        let expected = |views| trimmed(distances.iter().copied().map(i64::from).collect(), views);
+        assert_eq!(fused::<8>(distances), expected(8));
+        if distances.len() <= 4 {
+            assert_eq!(fused::<4>(distances), expected(4));
+        }
+        if distances.len() <= 3 {
+            assert_eq!(fused::<3>(distances), expected(3));
         }
     });
 }

@@ -218,11 +218,12 @@ impl Case {
             let [right, down] = [0; 2].map(|_| random.below(5) as i8 - 2);
             chosen = View::new(right, down).map_or(chosen, |view| chosen.with(view));
         }
+        let has_census = method == "sgm" && views.is_empty();
         let search = SearchConfig {
             width: 30 + random.below(40) as u16,
             height: 20 + random.below(20) as u16,
             views: chosen,
-            fusion: Fusion::ALL[random.below(4)],
+            fusion: if has_census { Fusion::ALL[random.below(5)] } else { Fusion::OF_ANY_COSTS[random.below(4)] },
             min_disparity: random.below(5) as i16 - 2,
             num_disparities: 1 + random.below(20) as u16,
         }
@@ -234,9 +235,9 @@ impl Case {
             let params = BlockMatchingParams::block_matching(search, block).expect("a valid block");
             Matching::Blocks(params.with_uniqueness_ratio(ratio))
         } else {
-            let cost = match views {
-                "" => SemiGlobalCost::Census(Census::ALL[random.below(3)]),
-                _ => SemiGlobalCost::Sad { block_size: 1 + 2 * random.below(6) as u8 },
+            let cost = match has_census {
+                true => SemiGlobalCost::Census(Census::ALL[random.below(3)]),
+                false => SemiGlobalCost::Sad { block_size: 1 + 2 * random.below(6) as u8 },
             };
             let p1 = random.below(20) as u8;
             let edge = Some(random.below(30) as u8).filter(|edge| *edge > 0);

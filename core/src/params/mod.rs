@@ -122,6 +122,22 @@ impl SearchSpace {
         }
     }
 
+    /// The same by the [default rule](Fusion::default_for) if its own is for the census alone.
+    ///
+    /// ```
+    /// use multiscopic_core::{Fusion, SearchConfig};
+    /// let search = SearchConfig { fusion: Fusion::Trimmed, ..SearchConfig::of_size(160, 120) }.checked()?;
+    /// assert!(search.check_fusion().is_err());
+    /// assert_eq!(search.for_any_costs().fusion(), Fusion::Heuristic);
+    /// # Ok::<(), multiscopic_core::ParamsError>(())
+    /// ```
+    pub const fn for_any_costs(self) -> SearchSpace {
+        match self.check_fusion() {
+            Ok(()) => self,
+            Err(_) => self.with_fusion(Fusion::default_for(self.config.views.len())),
+        }
+    }
+
     /// The same with other views.
     ///
     /// # Errors

@@ -71,7 +71,7 @@ impl TunedMatch {
     /// Block matching in the same search.
     pub fn by_blocks(&self) -> TunedMatch {
         let method = Method::block_matching(Method::DEFAULT_BLOCK_SIZE).with_share_beyond(self.method.share_beyond);
-        TunedMatch { name: MethodName::Bm.name(), method, search: self.search }
+        TunedMatch { name: MethodName::Bm.name(), method, search: self.search.for_any_costs() }
     }
 }
 

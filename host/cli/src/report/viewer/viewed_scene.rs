@@ -304,6 +304,7 @@ pub struct BlockCosts {
 impl BlockCosts {
     /// The costs of a search with blocks. `exact` tells whether the map was made by them.
     pub fn new(search: &SearchSpace, block_size: u8, exact: bool) -> BlockCosts {
+        let search = search.for_any_costs();
         BlockCosts {
             block_size,
             min_disparity: search.min_disparity(),

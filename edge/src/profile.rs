@@ -224,8 +224,8 @@ impl Profile {
     /// The computation of a pipeline, with `fusion`.
     ///
     /// # Panics
-    /// If the profile does not [take](Profile::check_fusion) the fusion, or [needs](Profile::needs_array) a feature of `multiscopic-core` that is off; in a constant, it fails
-    /// the build.
+    /// If the profile does not [take](Profile::check_fusion) the fusion, or [needs](Profile::needs_array) a feature of
+    /// `multiscopic-core` that is off; in a constant, it fails the build.
     pub const fn matching(&self, fusion: Fusion) -> Matching {
         match self.method {
             Method::Blocks { tile_width } => Matching::Blocks { params: self.size.params(fusion), tile_width },

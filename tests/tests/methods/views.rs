@@ -93,8 +93,8 @@ fn semi_global_matching_equals_the_reference() {
     }
 }
 
-/// The trimmed mean has about as few errors as the best other rule, whether all views see a point or few: on scenes with deep slits,
-/// which hardly any views see into, and on others.
+/// The trimmed mean has about as few errors as the best other rule, whether all views see a point or few: on scenes with deep
+/// slits, which hardly any views see into, and on others.
 #[test]
 #[cfg_attr(debug_assertions, ignore = "slow without optimisation")]
 fn the_trimmed_mean_is_as_good_as_any_rule() {

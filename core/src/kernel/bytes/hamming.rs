@@ -236,7 +236,6 @@ fn lane_bound(index: u16, first: usize) -> u8 {
 fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I::Bytes; V]) -> I::Bytes {
     let none = isa.splat_byte(u8::MAX);
     let fusion = match fusion {
-        DistanceFusion::Rule(Fusion::Trimmed) => return trimmed(isa, V, costs),
         DistanceFusion::Trimmed { views } => return trimmed(isa, views, costs),
         DistanceFusion::Rule(fusion) => fusion,
         DistanceFusion::Inliers => {
@@ -247,7 +246,8 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
         }
     };
     match fusion {
-        Fusion::Min | Fusion::Trimmed => {
+        Fusion::Trimmed => trimmed(isa, V, costs),
+        Fusion::Min => {
             let mut least = none;
             for cost in costs {
                 least = least.min(cost);

@@ -93,6 +93,7 @@ impl Bench {
             )));
         }
         let search = self.search.search(size, views, self.fusion, (1, 64))?;
+        let params = self.search.params(search.for_any_costs())?;
         self.options.check_block_size(&[self.method], self.search.block_size)?;
         let method: Method = self.options.method(self.method, self.search.block_size, views.len())?;
         if self.opencv {
@@ -118,7 +119,7 @@ impl Bench {
             width: search.width(),
             height: search.height(),
             num_disparities: search.num_disparities(),
-            block_size: self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE).into(),
+            block_size: params.block_size(),
             views: search.views().len(),
             fusion: search.fusion().name(),
             threads: engine.threads(),

@@ -219,11 +219,12 @@ impl Case {
             chosen = View::new(right, down).map_or(chosen, |view| chosen.with(view));
         }
         let has_census = method == "sgm" && views.is_empty();
+        let rules = if has_census { &Fusion::ALL[..] } else { &Fusion::OF_ANY_COSTS };
         let search = SearchConfig {
             width: 30 + random.below(40) as u16,
             height: 20 + random.below(20) as u16,
             views: chosen,
-            fusion: if has_census { Fusion::ALL[random.below(5)] } else { Fusion::OF_ANY_COSTS[random.below(4)] },
+            fusion: rules[random.below(rules.len())],
             min_disparity: random.below(5) as i16 - 2,
             num_disparities: 1 + random.below(20) as u16,
         }

@@ -71,8 +71,12 @@ impl Smoother {
     /// The weight of what has no confidence. It keeps surroundings without anything sure defined.
     const LEAST_WEIGHT: f32 = 1e-4;
 
-    /// The farthest that [`repair`](Smoother::repair) moves what is more probably right than wrong, in pixels.
-    const MOST_MOVED: f32 = 0.5;
+    /// The farthest that [`repair`](Smoother::repair) moves a disparity that keeps its confidence, in pixels: half a pixel, and where
+    /// it is more probably right than wrong less, down to a tenth where it is certain. Where an edge of the surface is none of the
+    /// image, it would else drag along a wide band of what was measured well.
+    fn most_moved(confidence: u8) -> f32 {
+        (0.9 - 0.8 * f32::from(confidence) / 255.0).min(0.5)
+    }
 
     /// The smooth disparities, which are all valid, and their confidence, computed on the threads of the current pool.
     ///
@@ -101,7 +105,8 @@ impl Smoother {
 
     /// Repairs disparities where they are more probably wrong than right: those with a confidence below one half become
     /// smooth ones, with the confidence of [`apply`](Smoother::apply) and at most one half. Others become smooth where that
-    /// moves them by at most half a pixel, and keep their confidence. Invalid pixels stay invalid.
+    /// moves them by at most half a pixel, or by less if they are surer, down to a tenth, and keep their confidence. Invalid
+    /// pixels stay invalid.
     ///
     /// # Errors
     /// Those of [`apply`](Smoother::apply).
@@ -111,7 +116,7 @@ impl Smoother {
         for ((to, smooth), (d, &confidence)) in smooth.zip(map.pixels().iter().zip(confidence.pixels())) {
             let moved = d.zip(*to).map(|(d, to)| (f32::from(d) - f32::from(to)).abs());
             match moved {
-                Some(moved) if moved <= Smoother::MOST_MOVED => *smooth = confidence,
+                Some(moved) if moved <= Smoother::most_moved(confidence) => *smooth = confidence,
                 Some(_) if confidence <= Smoother::MOST_REPLACED => *smooth = (*smooth).min(Smoother::MOST_REPLACED),
                 _ => (*to, *smooth) = (*d, confidence),
             }
@@ -524,7 +529,8 @@ mod tests {
                 assert_eq!((found, sure), (None, trust));
                 continue;
             };
-            if (f32::from(smooth) - f32::from(before)).abs() <= 0.5 {
+            // Half a pixel at a confidence of one half, a tenth at 1.
+            if (f32::from(smooth) - f32::from(before)).abs() <= (0.9 - 0.8 * f32::from(trust) / 255.0).min(0.5) {
                 assert_eq!((found, sure), (Some(smooth), trust));
                 moved += 1;
             } else if trust < 128 {

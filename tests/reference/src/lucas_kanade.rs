@@ -49,7 +49,7 @@ impl LucasKanade<'_> {
             self.views.iter().map(|(offset, image)| (*offset, Spline::new(self.width, self.height, image))).collect();
         let mut moved = disparities.to_vec();
         for _ in 0..3 {
-            let [pulls, squares] = self.equations(&center, &views, &moved);
+            let [pulls, squares] = self.equations(&center, &views, &moved, disparities);
             let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
             moved = pixels
                 .map(|(u, v)| {
@@ -84,11 +84,18 @@ impl LucasKanade<'_> {
         (pull + 9.0 * gaps / weights) / (square + 9.0)
     }
 
-    /// The sums over the views of weight, slope and residual, and of weight and squared slope, for each pixel.
-    fn equations(&self, center: &Spline, views: &[((i32, i32), Spline)], disparities: &[Option<f32>]) -> [Vec<f64>; 2] {
+    /// The sums over the views of weight, slope and residual, and of weight and squared slope, for each pixel. Views see what they
+    /// see by the disparities at the `start`.
+    fn equations(
+        &self,
+        center: &Spline,
+        views: &[((i32, i32), Spline)],
+        disparities: &[Option<f32>],
+        start: &[Option<f32>],
+    ) -> [Vec<f64>; 2] {
         let [mut pulls, mut squares] = [(); 2].map(|()| vec![0.0; disparities.len()]);
         for (offset, view) in views {
-            for (at, difference) in self.evened(center, *offset, view, disparities).into_iter().enumerate() {
+            for (at, difference) in self.evened(center, *offset, view, disparities, start).into_iter().enumerate() {
                 let Some(Difference { residual, slope, .. }) = difference else { continue };
                 pulls[at] += weight(residual) * slope * residual;
                 squares[at] += weight(residual) * slope * slope;
@@ -104,7 +111,8 @@ impl LucasKanade<'_> {
             .views
             .iter()
             .map(|(offset, image)| {
-                (*offset, self.evened(&center, *offset, &Spline::new(self.width, self.height, image), disparities))
+                let view = Spline::new(self.width, self.height, image);
+                (*offset, self.evened(&center, *offset, &view, disparities, disparities))
             })
             .collect();
         let pixels = || (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
@@ -156,18 +164,54 @@ impl LucasKanade<'_> {
         (pixels().map(fit).collect(), if all > 0.0 { (shifts / all).sqrt() } else { 0.0 })
     }
 
-    /// The differences of a view from each pixel, less the mean residual around it.
-    fn evened(&self, center: &Spline, offset: (i32, i32), view: &Spline, disparities: &[Option<f32>]) -> Vec<Option<Difference>> {
+    /// The differences of a view from each pixel that it sees by the disparities at the `start`, less the mean residual around it.
+    fn evened(
+        &self,
+        center: &Spline,
+        offset: (i32, i32),
+        view: &Spline,
+        disparities: &[Option<f32>],
+        start: &[Option<f32>],
+    ) -> Vec<Option<Difference>> {
         let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
-        let differences: Vec<Option<Difference>> =
-            pixels.iter().map(|&pixel| self.difference(center, offset, view, pixel, disparities)).collect();
+        let seen = pixels.iter().map(|&pixel| match self.is_hidden(offset, pixel, start) {
+            true => None,
+            false => self.difference(center, offset, view, pixel, disparities),
+        });
+        let seen: Vec<Option<Difference>> = seen.collect();
+        let mean = |(u, v): (i32, i32), weight_of: &dyn Fn(usize, f64) -> f64| {
+            let near = window(6).filter_map(|(dx, dy)| self.inside(u + dx, v + dy));
+            let near = near.filter_map(|at| seen[at].map(|Difference { residual, .. }| (weight_of(at, residual), residual)));
+            let (sum, weights) = near.fold((0.0, 0.0), |(sum, all), (weight, residual)| (sum + weight * residual, all + weight));
+            sum / weights
+        };
+        let means: Vec<f64> = pixels.iter().map(|&pixel| mean(pixel, &|_, _| 1.0)).collect();
         let evened = |&(u, v): &(i32, i32)| {
-            let difference = differences[self.at(u, v)]?;
-            let near = window(6).filter_map(|(dx, dy)| differences[self.inside(u + dx, v + dy)?]);
-            let near: Vec<f64> = near.map(|difference| difference.residual).collect();
-            Some(Difference { residual: difference.residual - near.iter().sum::<f64>() / near.len() as f64, ..difference })
+            let difference = seen[self.at(u, v)]?;
+            let mean = mean((u, v), &|at, residual| weight(residual - means[at]));
+            Some(Difference { residual: difference.residual - mean, ..difference })
         };
         pixels.iter().map(evened).collect()
+    }
+
+    /// True if a pixel's match in a view is hidden: if one of the 3 x 3 pixels around it is the nearest to the match of a pixel
+    /// with a disparity greater by more than a pixel.
+    fn is_hidden(&self, offset: (i32, i32), (u, v): (i32, i32), disparities: &[Option<f32>]) -> bool {
+        let rounded = |(u, v): (i32, i32)| {
+            let (x, y) = self.seen_at(offset, (u, v), disparities)?;
+            Some(((x + 0.5).floor() as i32, (y + 0.5).floor() as i32, disparities[self.at(u, v)]?))
+        };
+        let Some((x, y, d)) = rounded((u, v)) else { return false };
+        let mut others = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).filter_map(rounded);
+        others.any(|(other_x, other_y, other)| (other_x - x).abs() <= 1 && (other_y - y).abs() <= 1 && other - d > 1.0)
+    }
+
+    /// The match of a pixel in the image of a view.
+    fn seen_at(&self, (i, j): (i32, i32), (u, v): (i32, i32), disparities: &[Option<f32>]) -> Option<(f32, f32)> {
+        let d = disparities[self.at(u, v)]?;
+        let (x, y) = (u as f32 - i as f32 * d, v as f32 - j as f32 * d);
+        let [last_column, last_line] = [self.width - 1, self.height - 1].map(|last| last as f32);
+        (x >= 0.0 && y >= 0.0 && x <= last_column && y <= last_line).then_some((x, y))
     }
 
     /// The difference of a view from a pixel of the centre, if it sees the match.
@@ -179,12 +223,7 @@ impl LucasKanade<'_> {
         (u, v): (i32, i32),
         disparities: &[Option<f32>],
     ) -> Option<Difference> {
-        let d = disparities[self.at(u, v)]?;
-        let (x, y) = (u as f32 - i as f32 * d, v as f32 - j as f32 * d);
-        let [last_column, last_line] = [self.width - 1, self.height - 1].map(|last| last as f32);
-        if x < 0.0 || y < 0.0 || x > last_column || y > last_line {
-            return None;
-        }
+        let (x, y) = self.seen_at((i, j), (u, v), disparities)?;
         let [gray, right, down] = view.at(x.into(), y.into());
         let [_, center_right, center_down] = center.at(u.into(), v.into());
         let [right, down] = [right + center_right, down + center_down];

@@ -19,6 +19,8 @@ const SAME_SURFACE: f32 = 1.0;
 const BRIGHTNESS_RADIUS: usize = 6;
 /// The difference of grey levels at which a pixel has a quarter of its weight.
 const OUTLIER: f32 = 6.0;
+/// The sum of weights below which there is no mean.
+const LEAST_WEIGHT: f32 = 1e-9;
 /// The weight of smoothness: the square of the slope, in grey levels per pixel of disparity, at which images count as much.
 const STIFFNESS: f32 = 9.0;
 /// The energy of residuals and of slopes, in squared grey levels, below which [`Fit`] trusts neither.
@@ -36,7 +38,8 @@ const MOST_SHIFT: f32 = 0.5;
 /// Each of three iterations linearises the views at the present matches, which lie between their pixels on a cubic spline:
 ///
 /// 1. The residual of a pixel in a view is its grey level minus that of its match, less the mean of that difference
-///    over the 13 x 13 pixels around it whose matches the view sees, so that views may differ in brightness. The
+///    over the 13 x 13 pixels around it whose matches the view sees, so that views may differ in brightness. The mean is
+///    taken twice, the second time with the weights of 2 by the first. The
 ///    slope is the derivative of the match's grey level with respect to disparity, by the mean of the gradients at
 ///    the pixel and at its match (Malis 2004). A view at a longer baseline has a steeper one.
 /// 2. A residual `r` has the weight `1 / (1 + (r / 6)^2)^2`: occlusions hardly count.
@@ -46,11 +49,14 @@ const MOST_SHIFT: f32 = 0.5;
 /// 4. Where there is no texture, disparities move to the mean of those in the window (Bruhn, Weickert and Schnörr
 ///    2005): both sums have a term for it, which counts as a slope of three grey levels per pixel.
 ///
+/// A view does not see a match that is outside its image, or hidden: if, of the 3 x 3 pixels around, one is the nearest to the match
+/// of a pixel with a disparity greater by more than a pixel.
+///
 /// A step is at most 3/8 pixel, and all together half a pixel, both in pixels of the longest baseline. Disparities do
 /// not leave the search range. Invalid pixels stay invalid and never count. The result has the same bits with any
 /// number of threads and on any processor.
 ///
-/// It takes about 50 bytes for each pixel, and 8 more for each view.
+/// It takes about 60 bytes for each pixel, and 9 more for each view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LucasKanade;
 
@@ -65,7 +71,7 @@ impl LucasKanade {
     /// If a view is missing.
     pub fn apply(self, map: &DisparityMap, frames: &Frames, views: Views, range: RangeInclusive<i16>) -> DisparityMap {
         let start: Vec<f32> = map.pixels().iter().map(|d| d.map_or(f32::NAN, f32::from)).collect();
-        let scene = Scene::new(frames, views);
+        let scene = Scene::new(frames, views, &start);
         let mut disparities = start.clone();
         for _ in 0..ITERATIONS {
             disparities = scene.moved(&disparities);
@@ -92,17 +98,17 @@ impl LucasKanade {
     /// If a view is missing.
     pub fn fit(self, map: &DisparityMap, sure: impl Fn(usize) -> bool, frames: &Frames, views: Views) -> (Raster<Fit>, f32) {
         let disparities: Vec<f32> = map.pixels().iter().map(|d| d.map_or(f32::NAN, f32::from)).collect();
-        let scene = Scene::new(frames, views);
+        let scene = Scene::new(frames, views, &disparities);
         let zeros = || vec![0.0; disparities.len()];
         let equations = || Equations { pulls: zeros(), squares: zeros() };
         let (mut steps, mut noise) = (equations(), equations());
         let mut misalignment = [0.0; 2];
-        for (view, image) in &scene.views {
-            let mut differences = scene.differences(*view, image, &disparities);
+        for neighbor in &scene.neighbors {
+            let mut differences = scene.differences(neighbor, &disparities);
             let mut own = equations();
             scene.add(&differences, &mut own, pull);
-            if scene.views.len() > 1 {
-                scene.add_shifts(&own, *view, &sure, &mut misalignment);
+            if scene.neighbors.len() > 1 {
+                scene.add_shifts(&own, neighbor.view, &sure, &mut misalignment);
             }
             add_row(&mut steps.pulls, &own.pulls);
             add_row(&mut steps.squares, &own.squares);
@@ -110,10 +116,10 @@ impl LucasKanade {
                 true => [0.0; 2],
                 false => [weight.sqrt() * residual * residual, 1.0],
             });
-            scene.slopes_across(*view, image, &disparities, &mut differences.slopes);
+            scene.slopes_across(neighbor, &disparities, &mut differences.slopes);
             let mut across = equations();
             scene.add(&differences, &mut across, pull);
-            scene.add_shifts(&across, *view, &sure, &mut misalignment);
+            scene.add_shifts(&across, neighbor.view, &sure, &mut misalignment);
         }
         let mut fits = Raster::filled(scene.width, scene.height, Fit::default());
         fits.pixels_mut().par_chunks_exact_mut(scene.width).enumerate().for_each_init(
@@ -161,23 +167,27 @@ struct Scene {
     center: Vec<f32>,
     /// The gradients of the centre's grey levels, to the right and down.
     gradients: Vec<[f32; 2]>,
-    views: Vec<(View, InterpolatedImage)>,
+    neighbors: Vec<Neighbor>,
     /// The longest baseline, as a multiple of the shortest.
     longest: f32,
     /// The weights of the window along a line.
     window: [f32; 2 * RADIUS + 1],
 }
 
-/// The differences between the centre's pixels and their matches in a view.
+/// A view of the scene.
+struct Neighbor {
+    view: View,
+    image: InterpolatedImage,
+    /// True for the centre's pixels that something nearer hides from the view.
+    is_hidden: Vec<bool>,
+}
+
+/// The differences between the centre's pixels and their matches in a view, 0 if the view does not see the match.
 struct Differences {
-    /// The centre's grey level minus that of the match, 0 if the view does not see it.
+    /// The centre's grey level minus that of the match, less the mean around.
     residuals: Vec<f32>,
-    /// The derivative of the match's grey level by the disparity, 0 if the view does not see it.
+    /// The derivative of the match's grey level by the disparity.
     slopes: Vec<f32>,
-    /// The sum of the residuals of [`BRIGHTNESS_RADIUS`] pixels to both sides, and the number of their matches that the view
-    /// sees.
-    sums: Vec<f32>,
-    counts: Vec<f32>,
 }
 
 /// A linear equation for the step of each pixel.
@@ -189,7 +199,8 @@ struct Equations {
 }
 
 impl Scene {
-    fn new(frames: &Frames, views: Views) -> Scene {
+    /// The scene with these disparities, by which views see it.
+    fn new(frames: &Frames, views: Views, disparities: &[f32]) -> Scene {
         let image = |frame| frames.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
         let [width, height] = frames.size();
         let center = image(Frame::Center);
@@ -201,12 +212,17 @@ impl Scene {
         let reach = |view: View| view.right().unsigned_abs().max(view.down().unsigned_abs());
         let falloff = |k: usize| (-(k.abs_diff(RADIUS).pow(2) as f64) / (2.0 * SIGMA * SIGMA)).exp();
         let total: f64 = (0..2 * RADIUS + 1).map(falloff).sum();
+        let size = [width, height];
+        let neighbor = |view: View| {
+            let image = InterpolatedImage::new(image(Frame::View(view)));
+            Neighbor { view, image, is_hidden: hidden(view, size, disparities) }
+        };
         Scene {
             width,
             height,
             center: center.as_raw().iter().map(|&sample| f32::from(sample)).collect(),
             gradients: (0..width * height).into_par_iter().map(gradient).collect(),
-            views: views.iter().map(|view| (view, InterpolatedImage::new(image(Frame::View(view))))).collect(),
+            neighbors: views.iter().map(neighbor).collect(),
             longest: views.iter().map(reach).max().unwrap_or(1).into(),
             window: std::array::from_fn(|k| (falloff(k) / total) as f32),
         }
@@ -216,8 +232,8 @@ impl Scene {
     fn moved(&self, disparities: &[f32]) -> Vec<f32> {
         let zeros = || vec![0.0; disparities.len()];
         let mut equations = Equations { pulls: zeros(), squares: zeros() };
-        for (view, image) in &self.views {
-            let differences = self.differences(*view, image, disparities);
+        for neighbor in &self.neighbors {
+            let differences = self.differences(neighbor, disparities);
             self.add(&differences, &mut equations, pull);
         }
         let mut moved = disparities.to_vec();
@@ -237,55 +253,75 @@ impl Scene {
         moved
     }
 
-    /// Computes the differences between the centre's pixels and their matches in a view.
-    fn differences(&self, view: View, image: &InterpolatedImage, disparities: &[f32]) -> Differences {
-        let zeros = || vec![0.0; disparities.len()];
+    /// The differences between the centre's pixels and their matches in a view.
+    fn differences(&self, neighbor: &Neighbor, disparities: &[f32]) -> Differences {
         let Scene { width, .. } = *self;
-        let mut differences = Differences { residuals: zeros(), slopes: zeros(), sums: zeros(), counts: zeros() };
-        let Differences { residuals, slopes, sums, counts } = &mut differences;
-        let [i, j] = [view.right(), view.down()].map(f32::from);
+        let [mut residuals, mut slopes, mut weights, mut means] = [(); 4].map(|()| vec![0.0; disparities.len()]);
+        let [i, j] = [neighbor.view.right(), neighbor.view.down()].map(f32::from);
         let rows = residuals.par_chunks_exact_mut(width).zip(slopes.par_chunks_exact_mut(width));
-        let rows = rows.zip(sums.par_chunks_exact_mut(width).zip(counts.par_chunks_exact_mut(width))).enumerate();
-        rows.for_each_init(
+        rows.zip(weights.par_chunks_exact_mut(width)).enumerate().for_each(|(v, ((residuals, slopes), weights))| {
+            for u in 0..width {
+                let at = v * width + u;
+                let Some([x, y]) = self.seen_match(neighbor, at, disparities[at]) else { continue };
+                let [gray, right, down] = neighbor.image.with_gradient([x.into(), y.into()]).map(|value| value as f32);
+                let [center_right, center_down] = self.gradients[at];
+                (residuals[u], weights[u]) = (self.center[at] - gray, 1.0);
+                slopes[u] = -(i * (right + center_right) + j * (down + center_down)) / 2.0;
+            }
+        });
+        // What differs for another reason than the brightness of the view hardly counts the second time.
+        self.means_around(&residuals, &weights, &mut means);
+        let inliers = weights.par_iter_mut().zip(&residuals).zip(&means);
+        inliers.for_each(|((weight, residual), mean)| *weight *= inlier_weight(residual - mean));
+        self.means_around(&residuals, &weights, &mut means);
+        residuals.par_iter_mut().zip(&means).for_each(|(residual, mean)| *residual -= mean);
+        Differences { residuals, slopes }
+    }
+
+    /// Computes the weighted means of values over the square of [`BRIGHTNESS_RADIUS`] around each pixel; of no importance where there is no
+    /// weight.
+    fn means_around(&self, values: &[f32], weights: &[f32], means: &mut [f32]) {
+        let Scene { width, height, .. } = *self;
+        let [mut sums, mut counts] = [(); 2].map(|()| vec![0.0; values.len()]);
+        let rows = sums.par_chunks_exact_mut(width).zip(counts.par_chunks_exact_mut(width));
+        let given = values.par_chunks_exact(width).zip(weights.par_chunks_exact(width));
+        rows.zip(given).for_each_init(
             || vec![0.0; width],
-            |seen, (v, ((residuals, slopes), (sums, counts)))| {
-                for u in 0..width {
-                    let at = v * width + u;
-                    (seen[u], residuals[u], slopes[u]) = (0.0, 0.0, 0.0);
-                    if let Some([x, y]) = self.seen_match(view, at, disparities[at]) {
-                        let [gray, right, down] = image.with_gradient([x.into(), y.into()]).map(|value| value as f32);
-                        let [center_right, center_down] = self.gradients[at];
-                        seen[u] = 1.0;
-                        residuals[u] = self.center[at] - gray;
-                        slopes[u] = -(i * (right + center_right) + j * (down + center_down)) / 2.0;
-                    }
-                }
-                row_sums(residuals, sums);
-                row_sums(seen, counts);
+            |weighted, ((sums, counts), (values, weights))| {
+                weighted.iter_mut().zip(values.iter().zip(weights)).for_each(|(to, (value, weight))| *to = value * weight);
+                row_sums(weighted, sums);
+                row_sums(weights, counts);
             },
         );
-        differences
+        means.par_chunks_exact_mut(width).enumerate().for_each_init(
+            || vec![0.0; width],
+            |count, (v, means)| {
+                count.fill(0.0);
+                means.fill(0.0);
+                for y in v.saturating_sub(BRIGHTNESS_RADIUS)..height.min(v + BRIGHTNESS_RADIUS + 1) {
+                    add_row(means, &sums[y * width..][..width]);
+                    add_row(count, &counts[y * width..][..width]);
+                }
+                means.iter_mut().zip(&*count).for_each(|(mean, count)| *mean /= count.max(LEAST_WEIGHT));
+            },
+        );
     }
 
     /// The match of a pixel, by its place row by row, in a view that sees it.
-    fn seen_match(&self, view: View, at: usize, disparity: f32) -> Option<[f32; 2]> {
-        let Scene { width, height, .. } = *self;
-        let (u, v) = (at % width, at / width);
-        let (x, y) = (u as f32 - f32::from(view.right()) * disparity, v as f32 - f32::from(view.down()) * disparity);
-        // Not where the disparity is invalid, which is NaN.
-        let is_seen = x >= 0.0 && y >= 0.0 && x <= (width - 1) as f32 && y <= (height - 1) as f32;
-        is_seen.then_some([x, y])
+    fn seen_match(&self, neighbor: &Neighbor, at: usize, disparity: f32) -> Option<[f32; 2]> {
+        let Neighbor { view, is_hidden, .. } = neighbor;
+        if is_hidden[at] { None } else { match_in(*view, [self.width, self.height], at, disparity) }
     }
 
     /// Replaces slopes by the derivatives of the matches' grey levels across the baseline of a view, each over the length of
     /// the baseline as those along it are; 0 where the view does not see the match.
-    fn slopes_across(&self, view: View, image: &InterpolatedImage, disparities: &[f32], slopes: &mut [f32]) {
-        let [i, j] = [view.right(), view.down()].map(f32::from);
+    fn slopes_across(&self, neighbor: &Neighbor, disparities: &[f32], slopes: &mut [f32]) {
+        let [i, j] = [neighbor.view.right(), neighbor.view.down()].map(f32::from);
         slopes.par_chunks_exact_mut(self.width).enumerate().for_each(|(v, slopes)| {
             for (u, slope) in slopes.iter_mut().enumerate() {
                 let at = v * self.width + u;
-                let Some([x, y]) = self.seen_match(view, at, disparities[at]) else { continue };
-                let [_, right, down] = image.with_gradient([x.into(), y.into()]).map(|value| value as f32);
+                let Some([x, y]) = self.seen_match(neighbor, at, disparities[at]) else { continue };
+                let [_, right, down] = neighbor.image.with_gradient([x.into(), y.into()]).map(|value| value as f32);
                 let [center_right, center_down] = self.gradients[at];
                 *slope = (j * (right + center_right) - i * (down + center_down)) / 2.0;
             }
@@ -315,31 +351,13 @@ impl Scene {
 
     /// Adds the equations of a view: the `terms` of weight, residual and slope.
     fn add(&self, differences: &Differences, equations: &mut Equations, terms: impl Fn(f32, f32, f32) -> [f32; 2] + Sync) {
-        let Differences { residuals, slopes, sums, counts } = differences;
-        let Scene { width, height, .. } = *self;
-        let rows = equations.pulls.par_chunks_exact_mut(width).zip(equations.squares.par_chunks_exact_mut(width));
-        rows.enumerate().for_each_init(
-            || [vec![0.0; width], vec![0.0; width]],
-            |[sum, count], (v, (pulls, squares))| {
-                sum.fill(0.0);
-                count.fill(0.0);
-                for y in v.saturating_sub(BRIGHTNESS_RADIUS)..height.min(v + BRIGHTNESS_RADIUS + 1) {
-                    add_row(sum, &sums[y * width..][..width]);
-                    add_row(count, &counts[y * width..][..width]);
-                }
-                let [residuals, slopes] = [residuals, slopes].map(|plane| &plane[v * width..][..width]);
-                let differences = residuals.iter().zip(slopes).zip(sum.iter().zip(&*count));
-                for ((pull, square), ((residual, slope), (sum, count))) in pulls.iter_mut().zip(squares).zip(differences) {
-                    // Where no match is seen, the slope is 0.
-                    let residual = residual - sum / count.max(1.0);
-                    let ratio = residual / OUTLIER;
-                    let root = 1.0 / (1.0 + ratio * ratio);
-                    let [first, second] = terms(root * root, residual, *slope);
-                    *pull += first;
-                    *square += second;
-                }
-            },
-        );
+        let Differences { residuals, slopes } = differences;
+        let sums = equations.pulls.par_iter_mut().zip(&mut equations.squares);
+        sums.zip(residuals.par_iter().zip(slopes)).for_each(|((pull, square), (&residual, &slope))| {
+            let [first, second] = terms(inlier_weight(residual), residual, slope);
+            *pull += first;
+            *square += second;
+        });
     }
 
     /// Sums over the windows of row `v`, of pixels of the same surface.
@@ -398,6 +416,41 @@ impl WindowSums {
             weights[u] += weight;
         }
     }
+}
+
+/// The centre's pixels, row by row, that something nearer hides from a view: see [`LucasKanade`].
+fn hidden(view: View, [width, height]: [usize; 2], disparities: &[f32]) -> Vec<bool> {
+    let nearest_pixel = |(at, &disparity): (usize, &f32)| {
+        let [x, y] = match_in(view, [width, height], at, disparity)?.map(|at| (at + 0.5) as usize);
+        Some((x, y, disparity))
+    };
+    let mut greatest = vec![f32::NEG_INFINITY; width * height];
+    for (x, y, disparity) in disparities.iter().enumerate().filter_map(nearest_pixel) {
+        let there = &mut greatest[y * width + x];
+        *there = disparity.max(*there);
+    }
+    let is_hidden = |(x, y, disparity): (usize, usize, f32)| {
+        let mut rows = greatest.chunks_exact(width).take(y + 2).skip(y.saturating_sub(1));
+        let columns = x.saturating_sub(1)..width.min(x + 2);
+        rows.any(|row| row[columns.clone()].iter().any(|other| other - disparity > SAME_SURFACE))
+    };
+    disparities.par_iter().enumerate().map(|pixel| nearest_pixel(pixel).is_some_and(is_hidden)).collect()
+}
+
+/// The match of a pixel, by its place row by row, if it is in the image of a view.
+fn match_in(view: View, [width, height]: [usize; 2], at: usize, disparity: f32) -> Option<[f32; 2]> {
+    let (u, v) = (at % width, at / width);
+    let (x, y) = (u as f32 - f32::from(view.right()) * disparity, v as f32 - f32::from(view.down()) * disparity);
+    // Not where the disparity is invalid, which is NaN.
+    let is_inside = x >= 0.0 && y >= 0.0 && x <= (width - 1) as f32 && y <= (height - 1) as f32;
+    is_inside.then_some([x, y])
+}
+
+/// The weight of a residual, by which occlusions hardly count.
+fn inlier_weight(residual: f32) -> f32 {
+    let ratio = residual / OUTLIER;
+    let root = 1.0 / (1.0 + ratio * ratio);
+    root * root
 }
 
 /// The terms of the equations for a step: weight, slope and residual, and weight and squared slope.

@@ -84,8 +84,8 @@ impl LucasKanade<'_> {
         (pull + 9.0 * gaps / weights) / (square + 9.0)
     }
 
-    /// The sums over the views of weight, slope and residual, and of weight and squared slope, for each pixel. Views see what they
-    /// see by the disparities at the `start`.
+    /// The sums over the views of weight, slope and residual, and of weight and squared slope, for each pixel. Views see what
+    /// they see by the disparities at the `start`.
     fn equations(
         &self,
         center: &Spline,
@@ -164,7 +164,8 @@ impl LucasKanade<'_> {
         (pixels().map(fit).collect(), if all > 0.0 { (shifts / all).sqrt() } else { 0.0 })
     }
 
-    /// The differences of a view from each pixel that it sees by the disparities at the `start`, less the mean residual around it.
+    /// The differences of a view from each pixel that it sees by the disparities at the `start`, less the mean residual around
+    /// it.
     fn evened(
         &self,
         center: &Spline,

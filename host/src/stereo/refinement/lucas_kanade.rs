@@ -39,9 +39,9 @@ const MOST_SHIFT: f32 = 0.5;
 ///
 /// 1. The residual of a pixel in a view is its grey level minus that of its match, less the mean of that difference
 ///    over the 13 x 13 pixels around it whose matches the view sees, so that views may differ in brightness. The mean is
-///    taken twice, the second time with the weights of 2 by the first. The
-///    slope is the derivative of the match's grey level with respect to disparity, by the mean of the gradients at
-///    the pixel and at its match (Malis 2004). A view at a longer baseline has a steeper one.
+///    taken twice, the second time with the weights of 2 by the first. The slope is the derivative of the match's grey
+///    level with respect to disparity, by the mean of the gradients at the pixel and at its match (Malis 2004). A view at
+///    a longer baseline has a steeper one.
 /// 2. A residual `r` has the weight `1 / (1 + (r / 6)^2)^2`: occlusions hardly count.
 /// 3. Over a Gaussian window of 7 x 7 pixels, with a standard deviation of 1.5 pixels and weights of 1 in all, the
 ///    step is the sum of weight, slope and residual over the sum of weight and squared slope. Only pixels of the same
@@ -49,8 +49,8 @@ const MOST_SHIFT: f32 = 0.5;
 /// 4. Where there is no texture, disparities move to the mean of those in the window (Bruhn, Weickert and Schnörr
 ///    2005): both sums have a term for it, which counts as a slope of three grey levels per pixel.
 ///
-/// A view does not see a match that is outside its image, or hidden: if, of the 3 x 3 pixels around, one is the nearest to the match
-/// of a pixel with a disparity greater by more than a pixel.
+/// A view does not see a match that is outside its image, or hidden: one of the 3 x 3 pixels around it is the nearest to the
+/// match of a pixel whose disparity, before the first iteration, is greater by more than a pixel.
 ///
 /// A step is at most 3/8 pixel, and all together half a pixel, both in pixels of the longest baseline. Disparities do
 /// not leave the search range. Invalid pixels stay invalid and never count. The result has the same bits with any
@@ -182,11 +182,11 @@ struct Neighbor {
     is_hidden: Vec<bool>,
 }
 
-/// The differences between the centre's pixels and their matches in a view, 0 if the view does not see the match.
+/// The differences between the centre's pixels and their matches in a view.
 struct Differences {
-    /// The centre's grey level minus that of the match, less the mean around.
+    /// The centre's grey level minus that of the match, less the mean around; of no importance if the view does not see it.
     residuals: Vec<f32>,
-    /// The derivative of the match's grey level by the disparity.
+    /// The derivative of the match's grey level by the disparity, 0 if the view does not see it.
     slopes: Vec<f32>,
 }
 
@@ -202,7 +202,8 @@ impl Scene {
     /// The scene with these disparities, by which views see it.
     fn new(frames: &Frames, views: Views, disparities: &[f32]) -> Scene {
         let image = |frame| frames.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
-        let [width, height] = frames.size();
+        let size = frames.size();
+        let [width, height] = size;
         let center = image(Frame::Center);
         let spline = InterpolatedImage::new(center);
         let gradient = |i: usize| {
@@ -212,7 +213,6 @@ impl Scene {
         let reach = |view: View| view.right().unsigned_abs().max(view.down().unsigned_abs());
         let falloff = |k: usize| (-(k.abs_diff(RADIUS).pow(2) as f64) / (2.0 * SIGMA * SIGMA)).exp();
         let total: f64 = (0..2 * RADIUS + 1).map(falloff).sum();
-        let size = [width, height];
         let neighbor = |view: View| {
             let image = InterpolatedImage::new(image(Frame::View(view)));
             Neighbor { view, image, is_hidden: hidden(view, size, disparities) }
@@ -278,8 +278,8 @@ impl Scene {
         Differences { residuals, slopes }
     }
 
-    /// Computes the weighted means of values over the square of [`BRIGHTNESS_RADIUS`] around each pixel; of no importance where there is no
-    /// weight.
+    /// Computes the weighted means of values over the square of [`BRIGHTNESS_RADIUS`] around each pixel; of no importance where
+    /// there is no weight.
     fn means_around(&self, values: &[f32], weights: &[f32], means: &mut [f32]) {
         let Scene { width, height, .. } = *self;
         let [mut sums, mut counts] = [(); 2].map(|()| vec![0.0; values.len()]);

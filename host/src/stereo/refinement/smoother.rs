@@ -71,9 +71,9 @@ impl Smoother {
     /// The weight of what has no confidence. It keeps surroundings without anything sure defined.
     const LEAST_WEIGHT: f32 = 1e-4;
 
-    /// The farthest that [`repair`](Smoother::repair) moves a disparity that keeps its confidence, in pixels: half a pixel, and where
-    /// it is more probably right than wrong less, down to a tenth where it is certain. Where an edge of the surface is none of the
-    /// image, it would else drag along a wide band of what was measured well.
+    /// The farthest that [`repair`](Smoother::repair) moves a disparity that keeps its confidence, in pixels: half a pixel, and
+    /// where it is more probably right than wrong less, down to a tenth where it is certain. Where an edge of the surface is
+    /// none of the image, it would else drag along a wide band of what was measured well.
     fn most_moved(confidence: u8) -> f32 {
         (0.9 - 0.8 * f32::from(confidence) / 255.0).min(0.5)
     }

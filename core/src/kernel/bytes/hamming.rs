@@ -7,7 +7,7 @@ use bytemuck::{Zeroable, bytes_of, bytes_of_mut};
 
 use super::{ByteVector, Bytes, as_vectors, as_vectors_mut};
 use crate::{
-    Fusion,
+    Fusion, Views,
     fusion::{BEYOND_FRAME, hidden, most_doublings},
     infallible,
 };
@@ -172,14 +172,14 @@ impl<'a, const N: usize> CandidateRun<'a, N> {
     }
 }
 
-/// [`PixelLoops::hamming_costs`](super::PixelLoops::hamming_costs) of a run of pixels, by the planes of their
-/// `descriptors`. `None`, and nothing is done, if a plane is too short for as many pixels as there are `costs`.
+/// [`PixelLoops::hamming_costs`](super::PixelLoops::hamming_costs) of a run of pixels in at most `V` views, by the planes of
+/// their `descriptors`. `None`, and nothing is done, if a plane is too short for as many pixels as there are `costs`.
 #[inline(always)]
 pub fn hamming_run<I: Bytes, const N: usize, const V: usize>(
     isa: I,
     fusion: DistanceFusion,
     descriptors: [&[u8]; N],
-    views: &[CandidateRun<'_, N>; V],
+    views: &[CandidateRun<'_, N>],
     count: usize,
     costs: &mut [u8],
 ) -> Option<()> {
@@ -207,14 +207,14 @@ pub fn hamming_run<I: Bytes, const N: usize, const V: usize>(
         let costs = as_vectors_mut::<I>(costs);
         for (j, fused) in costs.iter_mut().enumerate() {
             let mut distances = [none; V];
-            for k in 0..V {
-                let step = views[k].step * u as isize;
+            for ((distances, view), starts) in distances.iter_mut().zip(views).zip(starts) {
+                let step = view.step * u as isize;
                 let mut others = [&zeroed; N];
-                for (others, start) in others.iter_mut().zip(starts[k]) {
+                for (others, start) in others.iter_mut().zip(starts) {
                     // SAFETY: each plane has `depth` candidates of each pixel, in whole vectors, which are bytes.
                     *others = unsafe { &*start.wrapping_offset(step).cast::<I::Samples>().wrapping_add(j) };
                 }
-                distances[k] = isa.hamming_distances(descriptor, others);
+                *distances = isa.hamming_distances(descriptor, others);
             }
             let costs = fuse(isa, fusion, distances);
             if j + 1 == vectors { costs.max(past) } else { costs }.store(fused);
@@ -254,23 +254,7 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
             }
             least
         }
-        Fusion::Mean if V > 4 => {
-            // One by one: there are no lanes that divide by five or seven.
-            let (mut sums, mut counts) = (<I::Samples as Zeroable>::zeroed(), <I::Samples as Zeroable>::zeroed());
-            let (zero, one) = (isa.splat_byte(0), isa.splat_byte(1));
-            let (mut sum, mut count) = (zero, zero);
-            for cost in costs {
-                sum = sum.add(none.if_greater(cost, cost, zero));
-                count = count.add(none.if_greater(cost, one, zero));
-            }
-            sum.store(&mut sums);
-            count.store(&mut counts);
-            let (bytes, counts) = (bytes_of_mut(&mut sums), bytes_of(&counts));
-            for (sum, count) in bytes.iter_mut().zip(counts) {
-                *sum = sum.checked_div(*count).unwrap_or(u8::MAX);
-            }
-            isa.load_bytes(&sums)
-        }
+        Fusion::Mean if V > 4 => mean_of_many(isa, &costs),
         Fusion::Mean => {
             let (zero, one) = (isa.splat_byte(0), isa.splat_byte(1));
             let (mut sum, mut count) = (zero, zero);
@@ -290,6 +274,11 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
             let (c1, c2, c3) = (cost(0), cost(1), cost(2));
             let two = c1.add(c2);
             let three = two.add(c3);
+            if fusion == Fusion::Half && V > 8 {
+                // A cost is in the least half if there are as many again, but for one.
+                keep_followed(isa, &mut costs, 1, |k| 2 * k);
+                return mean_of_many(isa, &costs);
+            }
             if fusion == Fusion::Half {
                 let half = none.if_greater(c3, two.halved(), c1);
                 let half = none.if_greater(cost(4), three.third(), half);
@@ -303,7 +292,32 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
     }
 }
 
-/// The costs of `views` fused by [`Fusion::Trimmed`], of which up to eight are given.
+/// The mean of the costs that exist, rounded down.
+#[inline(always)]
+fn mean_of_many<I: Bytes, const V: usize>(isa: I, costs: &[I::Bytes; V]) -> I::Bytes {
+    let (none, zero, one) = (isa.splat_byte(u8::MAX), isa.splat_byte(0), isa.splat_byte(1));
+    // A byte holds the sum of eight.
+    let mut sums = [<I::Samples as Zeroable>::zeroed(); Views::MAX.div_ceil(8)];
+    let (mut means, mut count) = (<I::Samples as Zeroable>::zeroed(), zero);
+    for (costs, sums) in costs.chunks(8).zip(&mut sums) {
+        let mut sum = zero;
+        for &cost in costs {
+            sum = sum.add(none.if_greater(cost, cost, zero));
+            count = count.add(none.if_greater(cost, one, zero));
+        }
+        sum.store(sums);
+    }
+    count.store(&mut means);
+    // One by one: there are no lanes that divide by five or seven.
+    for (lane, count_to_mean) in bytes_of_mut(&mut means).iter_mut().enumerate() {
+        let sums = sums.iter().take(infallible::div_ceil(V, 8));
+        let sum: u16 = sums.filter_map(|sum| bytes_of(sum).get(lane)).copied().map(u16::from).sum();
+        *count_to_mean = sum.checked_div((*count_to_mean).into()).map_or(u8::MAX, |mean| mean as u8);
+    }
+    isa.load_bytes(&means)
+}
+
+/// The costs of `views` fused by [`Fusion::Trimmed`].
 #[inline(always)]
 fn trimmed<I: Bytes, const V: usize>(isa: I, views: usize, mut costs: [I::Bytes; V]) -> I::Bytes {
     sort(&mut costs);
@@ -312,37 +326,78 @@ fn trimmed<I: Bytes, const V: usize>(isa: I, views: usize, mut costs: [I::Bytes;
     let (mut sum, mut fused) = (costs[0], costs[0]);
     for doubling in 1..=most_doublings(V).min(most_doublings(views)) {
         let count = 1 << doubling;
+        let mut others = isa.splat_byte(0);
         for &cost in costs.iter().take(count).skip(count / 2) {
-            sum = sum.add(cost);
+            others = others.add(cost);
         }
-        let mut mean = sum;
-        for _ in 0..doubling {
+        // A byte holds the sum of eight: that of sixteen is halved at once.
+        let mut mean = if count > 8 { average(isa, sum, others) } else { sum.add(others) };
+        for _ in 0..doubling - u32::from(count > 8) {
             mean = mean.halved();
         }
+        sum = sum.add(others);
         let trimmed = mean.min(fused.add(bits(hidden(doubling))));
         fused = none.if_greater(costs[(count - 1) % V], trimmed, fused.add(bits(BEYOND_FRAME)));
     }
     fused
 }
 
-/// Sorts costs of up to eight views, and hides those that are not among the [inliers](mean_of_inliers).
+/// The means of two costs, rounded down.
+#[inline(always)]
+fn average<I: Bytes>(isa: I, a: I::Bytes, b: I::Bytes) -> I::Bytes {
+    let is_odd = |cost: I::Bytes| cost.sub(cost.halved()).sub(cost.halved());
+    let both = is_odd(a).min(is_odd(b)).min(isa.splat_byte(1));
+    a.halved().add(b.halved()).add(both)
+}
+
+/// Sorts costs, and hides those that are not among the [inliers](mean_of_inliers).
 #[inline(always)]
 fn hide_outliers<I: Bytes, const V: usize>(isa: I, costs: &mut [I::Bytes; V]) {
-    let none = isa.splat_byte(u8::MAX);
     sort(costs);
-    // Of five to seven costs the last is an outlier, of eight the last two: the fifth and the sixth stay if another follows.
-    for k in 4..V {
-        let next = if k < 6 && k + 1 < V { costs[k + 1] } else { none };
-        costs[k] = none.if_greater(next, costs[k], none);
+    // Of five to seven costs the last is an outlier, of eight to eleven the last two, and so on.
+    keep_followed(isa, costs, 4, |k| k + k / 3);
+}
+
+/// Hides sorted costs, from the index `first` on, unless there are as many costs as `last(index)` is the index of the last.
+#[inline(always)]
+fn keep_followed<I: Bytes, const V: usize>(isa: I, costs: &mut [I::Bytes; V], first: usize, last: impl Fn(usize) -> usize) {
+    let none = isa.splat_byte(u8::MAX);
+    for k in first..V {
+        let last = costs.get(last(k)).copied().unwrap_or(none);
+        costs[k] = none.if_greater(last, costs[k], none);
     }
 }
 
-/// An exchange sort.
+/// An exchange sort; of many costs the merge exchange of Batcher (1968), as in Knuth's algorithm 5.2.2M.
 #[inline(always)]
 fn sort<B: ByteVector, const V: usize>(costs: &mut [B; V]) {
-    for i in 0..V {
-        for j in i + 1..V {
-            (costs[i], costs[j]) = (costs[i].min(costs[j]), costs[i].max(costs[j]));
+    if V <= 8 {
+        for i in 0..V {
+            for j in i + 1..V {
+                exchange(costs, i, j);
+            }
         }
+        return;
     }
+    let greatest = const { V.next_power_of_two() / 2 };
+    let mut p = greatest;
+    while p > 0 {
+        let (mut q, mut r, mut distance) = (greatest, 0, p);
+        loop {
+            for i in (0..V - distance).filter(|i| i & p == r) {
+                exchange(costs, i, i + distance);
+            }
+            if q == p {
+                break;
+            }
+            (distance, q, r) = (q - p, q / 2, p);
+        }
+        p /= 2;
+    }
+}
+
+/// Orders two of the costs.
+#[inline(always)]
+fn exchange<B: ByteVector, const V: usize>(costs: &mut [B; V], i: usize, j: usize) {
+    (costs[i], costs[j]) = (costs[i].min(costs[j]), costs[i].max(costs[j]));
 }

@@ -1,50 +1,12 @@
 //! The census transform of an image, line by line, and the pixels that it compares.
 
 use multiscopic_core::{
-    Census, View,
+    Census,
     kernel::{Kernel, Work},
 };
 use rayon::prelude::*;
 
 use crate::simd::{Simd, Task};
-
-/// The orientation of an image in which matches of ascending disparity are contiguous in its lines.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Orientation {
-    Upright,
-    /// The last column comes first.
-    Mirrored,
-    /// Columns become lines.
-    Transposed,
-    /// Columns become lines, and the last row comes first.
-    TransposedMirrored,
-}
-
-impl Orientation {
-    /// The orientation for a view. None makes the matches of those outside the cross contiguous: they stay upright.
-    pub fn of(view: View) -> Orientation {
-        match view {
-            View::RIGHT => Orientation::Mirrored,
-            View::TOP => Orientation::Transposed,
-            View::BOTTOM => Orientation::TransposedMirrored,
-            _ => Orientation::Upright,
-        }
-    }
-
-    fn is_transposed(self) -> bool {
-        matches!(self, Orientation::Transposed | Orientation::TransposedMirrored)
-    }
-
-    fn is_mirrored(self) -> bool {
-        matches!(self, Orientation::Mirrored | Orientation::TransposedMirrored)
-    }
-
-    /// An offset in the turned image.
-    fn turn(self, [dx, dy]: [isize; 2]) -> [isize; 2] {
-        let [dx, dy] = if self.is_transposed() { [dy, dx] } else { [dx, dy] };
-        [if self.is_mirrored() { -dx } else { dx }, dy]
-    }
-}
 
 /// The memory layout of the descriptors of a line. Their bytes are planar: all first bytes, then all second bytes, and so on.
 #[derive(Clone, Copy, Debug)]
@@ -63,37 +25,45 @@ pub(super) struct LineShape {
 #[derive(Debug)]
 pub(super) struct CensusImage {
     samples: Samples,
-    /// The offsets of the two pixels that each bit compares, in the turned image.
+    /// The offsets of the two pixels that each bit compares.
     pairs: Vec<[[isize; 2]; 2]>,
+    /// True if the last column comes first.
+    pub is_mirrored: bool,
     pub shape: LineShape,
 }
 
 /// The samples of an image, or of the blurred one.
 #[derive(Debug)]
 enum Samples {
-    Gray(TurnedImage<u8>),
-    Blurred(TurnedImage<u16>),
+    Gray(ExtendedImage<u8>),
+    Blurred(ExtendedImage<u16>),
 }
 
 impl CensusImage {
-    /// An image turned to an `orientation`, with `[front, back]` pixels of padding around the descriptors of a line.
+    /// An image, from right to left if it `is_mirrored`, with `[front, back]` pixels of padding around the descriptors of a line.
     pub fn new(
         image: &[u8],
         size: [usize; 2],
         census: Census,
         sampling: CensusSampling,
-        orientation: Orientation,
+        is_mirrored: bool,
         [front, back]: [usize; 2],
     ) -> CensusImage {
-        let pairs: Vec<_> = sampling.pairs(census).into_iter().map(|pair| pair.map(|offset| orientation.turn(offset))).collect();
+        let turn = |[dx, dy]: [isize; 2]| [if is_mirrored { -dx } else { dx }, dy];
+        let pairs: Vec<_> = sampling.pairs(census).into_iter().map(|pair| pair.map(turn)).collect();
         let reach = pairs.iter().flatten().flatten().map(|distance| distance.unsigned_abs()).max().unwrap_or_default();
         let samples = match sampling {
-            CensusSampling::CentralBlurred => Samples::Blurred(TurnedImage::new(&blurred(image, size), size, orientation, reach)),
-            _ => Samples::Gray(TurnedImage::new(image, size, orientation, reach)),
+            CensusSampling::CentralBlurred => Samples::Blurred(ExtendedImage::new(&blurred(image, size), size, is_mirrored, reach)),
+            _ => Samples::Gray(ExtendedImage::new(image, size, is_mirrored, reach)),
         };
-        let length = size[usize::from(orientation.is_transposed())];
+        let [length, _] = size;
         let shape = LineShape { length, front, stride: front + length + back, bytes: census.bytes() };
-        CensusImage { samples, pairs, shape }
+        CensusImage { samples, pairs, is_mirrored, shape }
+    }
+
+    /// The column of the image at an index of a line, and the other way round.
+    pub fn column(&self, index: usize) -> usize {
+        if self.is_mirrored { self.shape.length - 1 - index } else { index }
     }
 
     /// The descriptors of line `y`.
@@ -114,7 +84,7 @@ impl CensusImage {
     }
 
     #[inline(always)]
-    fn compare<S: PartialOrd>(&self, samples: &TurnedImage<S>, y: usize, planes: &mut [u8]) {
+    fn compare<S: PartialOrd>(&self, samples: &ExtendedImage<S>, y: usize, planes: &mut [u8]) {
         let LineShape { length, front, stride, .. } = self.shape;
         for (bit, pair) in self.pairs.iter().enumerate() {
             let [ones, others] = pair.map(|offset| samples.line_at(y, offset));
@@ -139,9 +109,9 @@ impl CensusImage {
     }
 }
 
-/// An image turned to an orientation, and extended beyond its borders by replication.
+/// An image that is extended beyond its borders by replication.
 #[derive(Debug)]
-struct TurnedImage<S> {
+struct ExtendedImage<S> {
     /// Pixels in a line, without its extension.
     length: usize,
     /// Lines, without their extension.
@@ -151,32 +121,26 @@ struct TurnedImage<S> {
     samples: Vec<S>,
 }
 
-impl<S: Copy + Default + Send + Sync> TurnedImage<S> {
-    fn new(image: &[S], [width, height]: [usize; 2], orientation: Orientation, reach: usize) -> TurnedImage<S> {
-        let [length, count] = if orientation.is_transposed() { [height, width] } else { [width, height] };
+impl<S: Copy + Default + Send + Sync> ExtendedImage<S> {
+    fn new(image: &[S], [length, count]: [usize; 2], is_mirrored: bool, reach: usize) -> ExtendedImage<S> {
         let padded = length + 2 * reach;
         let mut samples = vec![S::default(); padded * (count + 2 * reach)];
         samples.par_chunks_exact_mut(padded).enumerate().for_each(|(y, padded)| {
             let y = y.saturating_sub(reach).min(count - 1);
             let line = &mut padded[reach..][..length];
-            if orientation.is_transposed() {
-                let column = image[y..].iter().step_by(width);
-                line.iter_mut().zip(column).for_each(|(sample, &from)| *sample = from);
-            } else {
-                line.copy_from_slice(&image[y * width..][..width]);
-            }
-            if orientation.is_mirrored() {
+            line.copy_from_slice(&image[y * length..][..length]);
+            if is_mirrored {
                 line.reverse();
             }
             let (first, last) = (line[0], line[length - 1]);
             padded[..reach].fill(first);
             padded[reach + length..].fill(last);
         });
-        TurnedImage { length, count, reach, samples }
+        ExtendedImage { length, count, reach, samples }
     }
 }
 
-impl<S> TurnedImage<S> {
+impl<S> ExtendedImage<S> {
     /// A line of the image as seen from an `[x, y]` offset.
     #[inline(always)]
     fn line_at(&self, y: usize, [dx, dy]: [isize; 2]) -> &[S] {

@@ -1,6 +1,6 @@
 //! Matching costs by two census transforms.
 
-use multiscopic_core::{Census, SearchSpace, Views, kernel::DistanceFusion};
+use multiscopic_core::{Census, SearchSpace, View, Views, kernel::DistanceFusion};
 
 use super::{CensusRows, CostRows, census_image::CensusSampling};
 use crate::{engine::Engine, planes::Planes};
@@ -40,10 +40,14 @@ impl<'a> CensusPairRows<'a> {
         CensusPairRows::of([CensusSampling::Opposite, CensusSampling::Reversed], frames, search, census, engine)
     }
 
-    /// Estimates the bytes that two such pairs keep for each pixel of the centre, of which views at corners take the most.
+    /// Estimates the bytes that two such pairs keep for each pixel of the centre, of which views at corners take the most, in
+    /// images that are a third wider than they are high.
     pub fn bytes_of_pixel(views: Views) -> usize {
-        let at_corners = views.iter().filter(|view| !view.is_horizontal() && !view.is_vertical()).count();
-        10 * views.len() + 28 * at_corners
+        let bytes = |view: View| match (view.right().unsigned_abs(), view.down().unsigned_abs()) {
+            (_, 0) => 10,
+            (right, down) => 26 + 12 * usize::from(right) / usize::from(down),
+        };
+        views.iter().map(bytes).sum()
     }
 
     /// Returns these costs with another fusion than that of the search. Both share the frames.

@@ -3,15 +3,13 @@
 use std::{ops::Range, sync::Arc};
 
 use multiscopic_core::{
-    Census, Frame, MatchingCost, SearchSpace, View, Views,
-    kernel::{
-        CandidateRun, Candidates, DistanceFusion, Kernel, Work, as_vectors_mut, hamming_run, mean_of_inliers, trimmed_mean,
-    },
+    Census, Frame, SearchSpace, View, Views,
+    kernel::{CandidateRun, Candidates, DistanceFusion, Kernel, Work, as_vectors_mut, hamming_run},
 };
 
 use super::{
-    Cost, CostRows, RowMatches,
-    census_image::{CensusImage, CensusSampling, LineShape, Orientation},
+    CostRows,
+    census_image::{CensusImage, CensusSampling, LineShape},
 };
 use crate::{
     engine::Engine,
@@ -36,35 +34,35 @@ enum Descriptors {
     OnDemand,
     /// Those of all lines, in which the matches of ascending disparity of a pixel are contiguous.
     Paths(MatchPaths),
-    /// Those of the upright image.
-    Rows(Vec<u8>),
 }
 
 /// The descriptors of a view above or below, or at a corner, along the paths of its matches: a line for each column in which a
-/// path meets the first row, from the least, with the rows in the order of ascending disparity.
+/// path meets the first row, from the least, with the rows in the order of ascending disparity. Paths to views further than a
+/// row away skip rows: those through the first row come first, then those through the second, and so on.
 #[derive(Debug)]
 struct MatchPaths {
     data: Vec<u8>,
     /// The layout of a line.
     shape: LineShape,
-    /// Columns to the right from one row to the one below.
+    /// Rows from one pixel of a path to the next.
+    rows: usize,
+    /// Columns to the right from a pixel of a path to the one below.
     slant: isize,
+    /// True if ascending disparities lead upwards.
+    is_upward: bool,
 }
 
 impl MatchPaths {
     fn new(view: View, image: &CensusImage, [width, height]: [usize; 2], simd: Simd) -> MatchPaths {
-        let slant = isize::from(view.right()) * isize::from(view.down());
-        let data = image.all_lines(simd);
-        if slant == 0 {
-            return MatchPaths { data, shape: image.shape, slant };
-        }
-        let upright = image.shape;
-        let shape = LineShape { length: height, stride: upright.stride - upright.length + height, ..upright };
-        let mut paths = MatchPaths { data: Vec::new(), shape, slant };
+        let (upright, rows) = (image.shape, usize::from(view.down().unsigned_abs()));
+        let length = height.div_ceil(rows);
+        let shape = LineShape { length, stride: upright.stride - upright.length + length, ..upright };
+        let slant = isize::from(view.right()) * isize::from(view.down().signum());
+        let mut paths = MatchPaths { data: Vec::new(), shape, rows, slant, is_upward: view.down() > 0 };
         let line = shape.bytes * shape.stride;
-        paths.data = vec![0; line * (width + slant.unsigned_abs() * (height - 1))];
-        for (y, planes) in data.chunks_exact(upright.bytes * upright.stride).enumerate() {
-            let first = paths.line_of(y, height) * line + shape.front + if view.down() > 0 { height - 1 - y } else { y };
+        paths.data = vec![0; line * rows * paths.lines_of_row(width)];
+        for (y, planes) in image.all_lines(simd).chunks_exact(upright.bytes * upright.stride).enumerate() {
+            let first = paths.line_of(y, width) * line + shape.front + paths.index_of(y);
             for (byte, plane) in planes.chunks_exact(upright.stride).enumerate() {
                 let to = paths.data[first + byte * shape.stride..].iter_mut().step_by(line);
                 to.zip(&plane[upright.front..][..width]).for_each(|(to, &byte)| *to = byte);
@@ -73,10 +71,21 @@ impl MatchPaths {
         paths
     }
 
+    /// The lines through one of the first rows.
+    fn lines_of_row(&self, width: usize) -> usize {
+        width + self.slant.unsigned_abs() * (self.shape.length - 1)
+    }
+
     /// The line through the first column of row `y`.
-    fn line_of(&self, y: usize, height: usize) -> usize {
-        let least = (self.slant * (height as isize - 1)).max(0);
-        (least - self.slant * y as isize) as usize
+    fn line_of(&self, y: usize, width: usize) -> usize {
+        let least = (self.slant * (self.shape.length as isize - 1)).max(0);
+        y % self.rows * self.lines_of_row(width) + (least - self.slant * (y / self.rows) as isize) as usize
+    }
+
+    /// The index of a pixel of row `y` in its line.
+    fn index_of(&self, y: usize) -> usize {
+        let y = y / self.rows;
+        if self.is_upward { self.shape.length - 1 - y } else { y }
     }
 }
 
@@ -112,25 +121,34 @@ impl CensusView {
             _ => 0..search.width(),
         };
         let descriptors = match &self.descriptors {
-            Descriptors::OnDemand => self.image.line(v),
+            Descriptors::OnDemand if self.is_nearest() => self.image.line(v),
+            Descriptors::OnDemand => self.gather(search, v, stride),
             Descriptors::Paths(_) => Vec::new(),
-            Descriptors::Rows(lines) => self.gather(lines, search, v, stride),
         };
         ViewLine { descriptors, available: columns.map(|u| available(search, self.view, (u, v))).collect() }
     }
 
-    /// The descriptors of all candidates of row `v` of the centre. Those of a pixel lie side by side, `stride` of each
-    /// byte; those past the last disparity and outside the frame are zero.
-    fn gather(&self, lines: &[u8], search: &SearchSpace, v: usize, stride: usize) -> Vec<u8> {
-        let (shape, [width, height]) = (self.image.shape, [search.width(), search.height()]);
-        let mut gathered = vec![0; width * shape.bytes * stride];
-        for (index, d) in (search.min_disparity()..=search.max_disparity()).enumerate() {
-            let Some(RowMatches { columns, first }) = RowMatches::new([width, height], self.view, v, d) else { continue };
-            let line = &lines[first / width * shape.bytes * shape.stride..];
-            for (byte, plane) in line.chunks_exact(shape.stride).enumerate().take(shape.bytes) {
-                let matched = &plane[shape.front + first % width..];
-                for (u, &matched) in columns.clone().zip(matched) {
-                    gathered[(u * shape.bytes + byte) * stride + index] = matched;
+    /// True if the matches of a pixel are next to each other in a line of the view.
+    fn is_nearest(&self) -> bool {
+        self.view.is_horizontal() && self.view.right().unsigned_abs() == 1
+    }
+
+    /// The descriptors of all candidates of row `v` of the centre in a horizontal view. Those of a pixel lie side by side,
+    /// `stride` of each byte; those outside the frame are zero.
+    fn gather(&self, search: &SearchSpace, v: usize, stride: usize) -> Vec<u8> {
+        let (shape, line, columns) = (self.image.shape, self.image.line(v), usize::from(self.view.right().unsigned_abs()));
+        let mut gathered = vec![0; shape.length * shape.bytes * stride];
+        let mut matches = vec![0; shape.stride];
+        for (byte, plane) in line.chunks_exact(shape.stride).enumerate() {
+            let plane = &plane[shape.front..][..shape.length];
+            for first in 0..columns.min(shape.length) {
+                // The pixels that are matches of the same.
+                matches[shape.front..].fill(0);
+                let to = matches[shape.front..].iter_mut();
+                to.zip(plane[first..].iter().step_by(columns)).for_each(|(to, &byte)| *to = byte);
+                for (k, u) in (first..shape.length).step_by(columns).map(|u| self.image.column(u)).enumerate() {
+                    let from = (shape.front + k).wrapping_add_signed(search.min_disparity().into());
+                    gathered[(u * shape.bytes + byte) * stride..][..stride].copy_from_slice(&matches[from..][..stride]);
                 }
             }
         }
@@ -145,23 +163,19 @@ impl CensusView {
         line: &'a ViewLine,
         depth: usize,
     ) -> ViewRow<'a, BYTES> {
-        let position = |shape: LineShape, is_mirrored: bool, coordinate: usize| {
-            let position = if is_mirrored { shape.length - 1 - coordinate } else { coordinate };
-            (position + shape.front).wrapping_add_signed(search.min_disparity().into())
-        };
+        let from_least = |shape: LineShape, index: usize| (shape.front + index).wrapping_add_signed(search.min_disparity().into());
         let shape = self.image.shape;
         let (data, plane, first, step) = match &self.descriptors {
-            Descriptors::OnDemand => {
-                let is_mirrored = self.view == View::RIGHT;
-                (&line.descriptors, shape.stride, position(shape, is_mirrored, 0), if is_mirrored { -1 } else { 1 })
+            Descriptors::OnDemand if self.is_nearest() => {
+                let first = from_least(shape, self.image.column(0));
+                (&line.descriptors, shape.stride, first, if self.image.is_mirrored { -1 } else { 1 })
             }
+            Descriptors::OnDemand => (&line.descriptors, depth, 0, (shape.bytes * depth) as isize),
             Descriptors::Paths(paths) => {
-                let (shape, is_mirrored) = (paths.shape, self.view.down() > 0);
-                let line = shape.bytes * shape.stride;
-                let first = paths.line_of(v, shape.length) * line + position(shape, is_mirrored, v);
-                (&paths.data, shape.stride, first, line as isize)
+                let line = paths.shape.bytes * paths.shape.stride;
+                let first = paths.line_of(v, search.width()) * line + from_least(paths.shape, paths.index_of(v));
+                (&paths.data, paths.shape.stride, first, line as isize)
             }
-            Descriptors::Rows(_) => (&line.descriptors, depth, 0, (shape.bytes * depth) as isize),
         };
         let planes = std::array::from_fn(|byte| &data[byte * plane..]);
         ViewRow { candidates: CandidateRun { planes, first, step }, available: self.available(line) }
@@ -249,7 +263,9 @@ impl Task for FuseRows<'_, '_, '_> {
         }
         // By descriptor size and number of views, so that the inner loops unroll.
         match (costs.center.shape.bytes, &costs.views[..]) {
-            (_, [_, _, _, _, _, _, _, _, _, ..]) => costs.fuse_one_by_one(&lines, stride, rows),
+            (2, [_, _, _, _, _, _, _, _, _, ..]) => costs.fuse_rows::<I, 2, { Views::MAX }>(isa, &lines, stride, rows),
+            (3, [_, _, _, _, _, _, _, _, _, ..]) => costs.fuse_rows::<I, 3, { Views::MAX }>(isa, &lines, stride, rows),
+            (_, [_, _, _, _, _, _, _, _, _, ..]) => costs.fuse_rows::<I, 4, { Views::MAX }>(isa, &lines, stride, rows),
             (2, [_, _, _, _, _, ..]) => costs.fuse_rows::<I, 2, 8>(isa, &lines, stride, rows),
             (3, [_, _, _, _, _, ..]) => costs.fuse_rows::<I, 3, 8>(isa, &lines, stride, rows),
             (_, [_, _, _, _, _, ..]) => costs.fuse_rows::<I, 4, 8>(isa, &lines, stride, rows),
@@ -288,16 +304,13 @@ impl<'a> CensusRows<'a> {
         let front = (-isize::from(least)).max(0) as usize;
         let padding = [front, isize::from(least).max(0) as usize + count.next_multiple_of(MOST_LANES)];
         let census_image =
-            |frame, orientation, padding| CensusImage::new(image(frame), frames.size(), census, sampling, orientation, padding);
+            |frame, is_mirrored, padding| CensusImage::new(image(frame), frames.size(), census, sampling, is_mirrored, padding);
         let view = |view: View| {
-            let image = census_image(Frame::View(view), Orientation::of(view), padding);
-            let descriptors = match (view, view.down()) {
-                (View::LEFT | View::RIGHT, _) => Descriptors::OnDemand,
-                // Of views further aside, paths would take much more memory than the image.
-                (_, -1 | 1) if view.right().unsigned_abs() <= 1 => {
-                    Descriptors::Paths(MatchPaths::new(view, &image, frames.size(), simd))
-                }
-                _ => Descriptors::Rows(image.all_lines(simd)),
+            // In a row, matches of ascending disparity follow each other from the right to the left in a view to the right.
+            let image = census_image(Frame::View(view), view.is_horizontal() && view.right() > 0, padding);
+            let descriptors = match view.is_horizontal() {
+                true => Descriptors::OnDemand,
+                false => Descriptors::Paths(MatchPaths::new(view, &image, frames.size(), simd)),
             };
             let columns = if view.is_horizontal() { 0..search.width() } else { 0..0 };
             let available = columns.map(|u| available(search, view, (u, 0))).collect();
@@ -307,7 +320,7 @@ impl<'a> CensusRows<'a> {
             search,
             fusion: DistanceFusion::new(search.fusion(), search.views().len()),
             simd,
-            center: Arc::new(census_image(Frame::Center, Orientation::Upright, [0, 0])),
+            center: Arc::new(census_image(Frame::Center, false, [0, 0])),
             views: search.views().iter().map(view).collect(),
         })
     }
@@ -363,46 +376,6 @@ impl<'a> CensusRows<'a> {
     ) {
         isa.compiled(FuseColumns::<I, BYTES, V> { isa, rows: self, lines, columns, stride, row });
     }
-
-    /// Computes the fused costs of rows for more views than there are loops for.
-    fn fuse_one_by_one(&self, lines: &[RowLines], stride: usize, rows: &mut [(usize, &mut [u8])]) {
-        for (lines, (_, row)) in lines.iter().zip(rows) {
-            match self.center.shape.bytes {
-                2 => self.fuse_pixels::<2>(lines, stride, row),
-                3 => self.fuse_pixels::<3>(lines, stride, row),
-                _ => self.fuse_pixels::<4>(lines, stride, row),
-            }
-        }
-    }
-
-    fn fuse_pixels<const BYTES: usize>(&self, lines: &RowLines, stride: usize, row: &mut [u8]) {
-        let width = self.search.width();
-        let views = self.views.iter().zip(&lines.views).map(|(view, line)| view.row::<BYTES>(self.search, lines.v, line, stride));
-        let views: Vec<_> = views.collect();
-        let mut distances = Vec::with_capacity(views.len());
-        row.fill(u8::NONE);
-        for (u, fused) in row.chunks_exact_mut(stride).enumerate() {
-            let candidates: Vec<_> = views.iter().map(|view| view.candidates(u, stride)).collect();
-            for (index, fused) in fused.iter_mut().enumerate().take(self.search.num_disparities()) {
-                let available = candidates.iter().flatten().filter(|candidates| candidates.available.contains(&(index as u16)));
-                distances.clear();
-                distances.extend(available.map(|candidates| {
-                    let bytes = candidates.planes.iter().zip(lines.center.chunks_exact(width));
-                    bytes.map(|(plane, center)| (plane[index] ^ center[u]).count_ones() as u8).sum::<u8>()
-                }));
-                *fused = match self.fusion {
-                    DistanceFusion::Inliers => mean_of_inliers(&mut distances),
-                    DistanceFusion::Trimmed { views } => trimmed_mean(&mut distances, views),
-                    DistanceFusion::Rule(fusion) => {
-                        let mut costs = [u64::MAX; Views::MAX];
-                        costs.iter_mut().zip(&distances).for_each(|(cost, &distance)| *cost = distance.into());
-                        let cost = fusion.fuse(costs);
-                        if cost.exists() { (cost / fusion.scale(Views::MAX)) as u8 } else { u8::NONE }
-                    }
-                };
-            }
-        }
-    }
 }
 
 /// [`CensusRows::fuse_columns`], compiled for vector instructions.
@@ -427,14 +400,15 @@ impl<I: Kernel, const BYTES: usize, const V: usize> Work for FuseColumns<'_, I, 
             *row = view.row::<BYTES>(search, lines.v, line, stride);
         }
         let mut run = columns.start.max(lines.complete.start)..columns.end.min(lines.complete.end);
-        // Pixels that see all candidates of all views need no masks.
-        if run.is_empty() || all_views.len() < V {
+        // Pixels that see all candidates of all views need no masks. Fixed numbers of views unroll.
+        let seen = if V <= 8 { V } else { all_views.len() };
+        if run.is_empty() || all_views.len() < seen {
             run = columns.start..columns.start;
         } else {
             let descriptors = center.map(|plane| &plane[run.clone()]);
             let candidates = views.map(|view| view.candidates.from(run.start));
             let costs = &mut row[run.start * stride..run.end * stride];
-            hamming_run(isa, fusion, descriptors, &candidates, count, costs).expect("descriptors are padded");
+            hamming_run::<I, BYTES, V>(isa, fusion, descriptors, &candidates[..seen], count, costs).expect("descriptors are padded");
         }
         for u in (columns.start..run.start).chain(run.end..columns.end) {
             let mut descriptor = [0; BYTES];

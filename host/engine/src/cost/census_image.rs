@@ -53,7 +53,9 @@ impl CensusImage {
         let pairs: Vec<_> = sampling.pairs(census).into_iter().map(|pair| pair.map(turn)).collect();
         let reach = pairs.iter().flatten().flatten().map(|distance| distance.unsigned_abs()).max().unwrap_or_default();
         let samples = match sampling {
-            CensusSampling::CentralBlurred => Samples::Blurred(ExtendedImage::new(&blurred(image, size), size, is_mirrored, reach)),
+            CensusSampling::CentralBlurred => {
+                Samples::Blurred(ExtendedImage::new(&blurred(image, size), size, is_mirrored, reach))
+            }
             _ => Samples::Gray(ExtendedImage::new(image, size, is_mirrored, reach)),
         };
         let [length, _] = size;

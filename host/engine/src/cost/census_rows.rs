@@ -163,7 +163,8 @@ impl CensusView {
         line: &'a ViewLine,
         depth: usize,
     ) -> ViewRow<'a, BYTES> {
-        let from_least = |shape: LineShape, index: usize| (shape.front + index).wrapping_add_signed(search.min_disparity().into());
+        let from_least =
+            |shape: LineShape, index: usize| (shape.front + index).wrapping_add_signed(search.min_disparity().into());
         let shape = self.image.shape;
         let (data, plane, first, step) = match &self.descriptors {
             Descriptors::OnDemand if self.is_nearest() => {
@@ -408,7 +409,8 @@ impl<I: Kernel, const BYTES: usize, const V: usize> Work for FuseColumns<'_, I, 
             let descriptors = center.map(|plane| &plane[run.clone()]);
             let candidates = views.map(|view| view.candidates.from(run.start));
             let costs = &mut row[run.start * stride..run.end * stride];
-            hamming_run::<I, BYTES, V>(isa, fusion, descriptors, &candidates[..seen], count, costs).expect("descriptors are padded");
+            hamming_run::<I, BYTES, V>(isa, fusion, descriptors, &candidates[..seen], count, costs)
+                .expect("descriptors are padded");
         }
         for u in (columns.start..run.start).chain(run.end..columns.end) {
             let mut descriptor = [0; BYTES];

@@ -9,7 +9,10 @@ pub mod mccnn;
 use image::GrayImage;
 use multiscopic_core::{BlockMatchingParams, Frame, Fusion, MatchingCost, SearchConfig, SearchSpace, View, Views};
 
-use crate::{error::Result, images::Frames};
+use crate::{
+    error::Result,
+    images::{Frames, Raster},
+};
 
 pub use multiscopic_engine::cost::{CensusPairRows, CensusRows, Cost, CostRows, RowMatches, SadRows, Volume};
 
@@ -76,8 +79,37 @@ fn fuse_views<const V: usize>(fusion: Fusion, views: [&[f32]; V], fused: &mut [f
 #[derive(Debug)]
 pub struct BlockRows<'a> {
     search: &'a SearchSpace,
-    frames: &'a Frames,
-    radius: isize,
+    center: PaddedImage,
+    views: Vec<(View, PaddedImage)>,
+    radius: usize,
+}
+
+/// An image whose rows are extended to both sides by replication.
+#[derive(Debug)]
+struct PaddedImage {
+    rows: Raster<u8>,
+    padding: usize,
+}
+
+impl PaddedImage {
+    fn new(image: &GrayImage, padding: usize) -> PaddedImage {
+        let [width, height] = [image.width(), image.height()].map(|side| side as usize);
+        let mut rows = Raster::filled(width + 2 * padding, height, 0);
+        for (v, from) in image.as_raw().chunks_exact(width).enumerate() {
+            let row = rows.row_mut(v);
+            row[..padding].fill(from[0]);
+            row[padding..][..width].copy_from_slice(from);
+            row[padding + width..].fill(from[width - 1]);
+        }
+        PaddedImage { rows, padding }
+    }
+
+    /// `length` samples of row `v`, or of the nearest one there is, from column `u` on, or as near as the padding reaches.
+    fn samples(&self, u: isize, v: isize, length: usize) -> &[u8] {
+        let row = self.rows.row(v.clamp(0, self.rows.height() as isize - 1) as usize);
+        let first = (u + self.padding as isize).clamp(0, (row.len() - length) as isize);
+        &row[first as usize..][..length]
+    }
 }
 
 impl<'a> BlockRows<'a> {
@@ -85,30 +117,37 @@ impl<'a> BlockRows<'a> {
     ///
     /// # Errors
     /// [`Error::Usage`](crate::Error::Usage) if the core has no such block.
-    pub fn new(frames: &'a Frames, search: &'a SearchSpace, block_size: u8) -> Result<BlockRows<'a>> {
+    pub fn new(frames: &Frames, search: &'a SearchSpace, block_size: u8) -> Result<BlockRows<'a>> {
         let one_view = SearchConfig { views: Views::STEREO, fusion: Fusion::Min, ..search.config() }.checked()?;
-        let params = BlockMatchingParams::block_matching(one_view, block_size)?;
-        Ok(BlockRows { search, frames, radius: params.radius() as isize })
+        let radius = BlockMatchingParams::block_matching(one_view, block_size)?.radius();
+        let image = |frame| frames.get(frame).expect("the frames have every view of the search");
+        let ends = [search.min_disparity(), search.max_disparity()];
+        let views = search.views().iter().map(|view| {
+            let farthest = ends.map(|d| view.shift(d).0.unsigned_abs() as usize).into_iter().max().unwrap_or_default();
+            // Beyond a width, all samples of a block are those of the border.
+            (view, PaddedImage::new(image(Frame::View(view)), radius + farthest.min(search.width() + radius)))
+        });
+        Ok(BlockRows { search, center: PaddedImage::new(image(Frame::Center), radius), views: views.collect(), radius })
     }
 
-    fn image(&self, frame: Frame) -> &GrayImage {
-        self.frames.get(frame).expect("the frames have every view of the search")
-    }
-
-    /// The sums over the blocks of row `v` to `view` at disparity `d`, whether or not the matches lie inside.
-    fn block_sums(&self, view: View, v: usize, d: i16, sums: &mut [u64]) {
-        let (center, other) = (self.image(Frame::Center).as_raw(), self.image(Frame::View(view)).as_raw());
-        let [width, height] = [self.search.width() as isize, self.search.height() as isize];
-        let (du, dv) = view.shift(d);
-        let index = |u: isize, v: isize| (v.clamp(0, height - 1) * width + u.clamp(0, width - 1)) as usize;
-        let column_sum = |u: isize| -> u64 {
-            let rows = v as isize - self.radius..=v as isize + self.radius;
-            let difference = |v: isize| center[index(u, v)].abs_diff(other[index(u + du as isize, v + dv as isize)]);
-            rows.map(|v| u64::from(difference(v))).sum()
-        };
-        let columns: Vec<u64> = (-self.radius..width + self.radius).map(column_sum).collect();
-        let blocks = columns.windows(2 * self.radius as usize + 1);
-        sums.iter_mut().zip(blocks).for_each(|(sum, columns)| *sum = columns.iter().sum());
+    /// The sums over the blocks of row `v` to a view at disparity `d`, whether or not the matches lie inside. `columns` is as
+    /// wide as a row with half a block on either side.
+    fn block_sums(&self, (view, image): &(View, PaddedImage), v: usize, d: i16, columns: &mut [u32], sums: &mut [u32]) {
+        let (radius, (du, dv)) = (self.radius as isize, view.shift(d));
+        columns.fill(0);
+        for v in v as isize - radius..=v as isize + radius {
+            let center = self.center.samples(-radius, v, columns.len());
+            let others = image.samples(du as isize - radius, v + dv as isize, columns.len());
+            for ((column, a), b) in columns.iter_mut().zip(center).zip(others) {
+                *column += u32::from(a.abs_diff(*b));
+            }
+        }
+        let (mut sum, side) = (columns[..2 * self.radius].iter().sum::<u32>(), 2 * self.radius);
+        for ((block, new), old) in sums.iter_mut().zip(&columns[side..]).zip(&*columns) {
+            sum += new;
+            *block = sum;
+            sum -= old;
+        }
     }
 }
 
@@ -122,16 +161,17 @@ impl CostRows for BlockRows<'_> {
     fn row(&self, v: usize, stride: usize, row: &mut [u64]) {
         row.fill(<u64 as MatchingCost>::NONE);
         let (search, size) = (self.search, (self.search.width(), self.search.height()));
+        let mut columns = vec![0; search.width() + 2 * self.radius];
         let mut sums = vec![vec![0; search.width()]; search.views().len()];
         for (index, d) in (search.min_disparity()..=search.max_disparity()).enumerate() {
-            for (view, sums) in search.views().iter().zip(&mut sums) {
-                self.block_sums(view, v, d, sums);
+            for (view, sums) in self.views.iter().zip(&mut sums) {
+                self.block_sums(view, v, d, &mut columns, sums);
             }
             for (u, pixel) in row.chunks_exact_mut(stride).enumerate() {
                 let mut costs = [<u64 as MatchingCost>::NONE; Views::MAX];
-                for ((cost, view), sums) in costs.iter_mut().zip(search.views().iter()).zip(&sums) {
+                for ((cost, (view, _)), sums) in costs.iter_mut().zip(&self.views).zip(&sums) {
                     if view.match_of((u, v), d, size).is_some() {
-                        *cost = sums[u];
+                        *cost = sums[u].into();
                     }
                 }
                 pixel[index] = search.fusion().fuse(costs);

@@ -1,4 +1,4 @@
-"""Compares the weights in whole numbers with the checkpoint in real ones, on the scenes held back.
+"""Compares the weights in whole numbers with the checkpoint in real ones, and with two looks, on the scenes held back.
 
     python check.py CHECKPOINT NETWORK.weights FOLDER
 
@@ -29,22 +29,25 @@ def main():
         height, width = example.truth.shape
         with torch.no_grad():
             real = network(batch)["disparity"][0, :height, :width]
-        whole, confidence, _ = reference.infer(weights, example.rgb, example.winners, example.measures, example.volume)
+        arrays = (example.rgb, example.winners, example.measures, example.volume)
+        disparities, confidences, _ = reference.both_looks(weights, *arrays)
+        fused, confidence = reference.fused(disparities, confidences)
         truth = torch.from_numpy(example.truth.copy())
         candidates = {
             "two scales": torch.from_numpy(example.winners[1].astype(np.float32)),
             "real": real,
-            "whole": torch.from_numpy(whole.astype(np.float32)),
+            "whole": torch.from_numpy(disparities[0].astype(np.float32)),
+            "both looks": torch.from_numpy(fused.astype(np.float32)),
         }
         for kind, disparity in candidates.items():
             found.setdefault((name, kind), []).append(metrics(disparity, truth))
         valid = np.isfinite(example.truth)
-        right, sure = np.abs(whole - example.truth)[valid] <= 64, confidence[valid] / 255
+        right, sure = np.abs(fused - example.truth)[valid] <= 64, confidence[valid] / 255
         index = np.minimum((10 * sure).astype(int), 9)
         for column, values in enumerate((np.ones_like(sure), sure, right)):
             bins[:, column] += np.bincount(index, values, 10)
     for (name, kind), all_of in found.items():
-        print(f"{name:8} {kind:10} RMS %.3f  AvgErr %.3f  Bad1 %.2f" % tuple(torch.stack(all_of).mean(0).tolist()))
+        print(f"{name:13} {kind:10} RMS %.3f  AvgErr %.3f  Bad1 %.2f" % tuple(torch.stack(all_of).mean(0).tolist()))
     counts, sure, right = bins.T
     print("expected calibration error %.3f" % (np.abs(sure - right).sum() / counts.sum()))
     for count, s, r in bins[counts > 0]:

@@ -7,6 +7,9 @@ import torch
 
 from scenes import read_pfm
 
+# The share of pixels at which semi-global matching fails; scenes with a larger one count less, in inverse proportion.
+EASY = 0.1
+
 
 class Example:
     """The features of a scene, and its truth in 1/64 px from the least disparity on."""
@@ -18,7 +21,9 @@ class Example:
         self.count = self.volume.shape[0]
         valid = np.isfinite(self.truth)
         # The share of pixels at which semi-global matching fails: how hard the scene is.
-        self.hardness = (np.abs(self.winners[1] - self.truth)[valid] > 64).mean()
+        hardness = (np.abs(self.winners[1] - self.truth)[valid] > 64).mean()
+        # How often it is drawn: scenes in which little can be matched teach less.
+        self.weight = EASY / max(hardness, EASY)
 
     def arrays(self, y=0, x=0, height=None, width=None):
         """The arrays of the pixels from (y, x) on, which are multiples of 4; padded by repetition as the program does."""

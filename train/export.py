@@ -53,20 +53,30 @@ def logistic(slope=1.0, offset=0.0):
 
 
 def calibrated(weights, examples):
-    """The table of confidences that fits examples held back: a logistic curve of the network's logits."""
-    logits, right = [], []
+    """The table of confidences that fits examples held back: a logistic curve of the network's logits.
+
+    It is fitted to what the program makes of two looks, which is right more often than either. Scenes count as often as they are
+    drawn in training.
+    """
+    logits, agree, right, counts = [], [], [], []
     for example in examples:
-        disparity, _, logit = reference.infer(weights, example.rgb, example.winners, example.measures, example.volume)
+        arrays = (example.rgb, example.winners, example.measures, example.volume)
+        disparities, confidences, logit = reference.both_looks(weights, *arrays)
         valid = np.isfinite(example.truth)
-        logits.append(np.clip(logit[valid], -128, 127) / UNIT)
-        right.append(np.abs(disparity - example.truth)[valid] <= 64)
-    logits, right = (torch.tensor(np.concatenate(a).astype(np.float64)) for a in (logits, right))
+        logits.append(np.clip(logit[:, valid], -128, 127) / UNIT)
+        agree.append(np.abs(disparities[0] - disparities[1])[valid] <= 64)
+        right.append(np.abs(reference.fused(disparities, confidences)[0] - example.truth)[valid] <= 64)
+        counts.append(np.full(valid.sum(), example.weight))
+    logits = torch.tensor(np.concatenate(logits, 1))
+    agree, right, counts = (torch.tensor(np.concatenate(a)) for a in (agree, right, counts))
     curve = torch.tensor([1.0, 0.0], dtype=torch.float64, requires_grad=True)
     optimizer = torch.optim.LBFGS([curve], max_iter=50)
 
     def closure():
         optimizer.zero_grad()
-        value = torch.nn.functional.binary_cross_entropy_with_logits(curve[0] * logits + curve[1], right)
+        p, q = torch.sigmoid(curve[0] * logits + curve[1])
+        one = torch.maximum(p, q) * (1 - torch.minimum(p, q)) / (1 - p * q)
+        value = torch.nn.functional.binary_cross_entropy(torch.where(agree, (p + q) / 2, one), right.double(), counts)
         value.backward()
         return value
 

@@ -175,6 +175,25 @@ def infer(weights, colors, winners, measures, volume):
     return disparity[:height, :width], confidence[:height, :width], o[30][:height, :width]
 
 
+def both_looks(weights, *arrays):
+    """The disparities, confidences and logits of a look at the arrays and of one at the same turned by half a turn; each 2 x h x w."""
+    turn = lambda a, axis=0: np.flip(a, (axis, axis + 1))
+    colors, winners, measures, volume = arrays
+    other = infer(weights, turn(colors), turn(winners, 1), turn(measures), turn(volume, 1))
+    return [np.stack([one, turn(of_turned)]) for one, of_turned in zip(infer(weights, *arrays), other)]
+
+
+def fused(disparities, confidences):
+    """What the program makes of two looks: `fuse_rotations` of the core's `pixel_head`."""
+    (a, b), (p, q) = disparities.astype(np.int64), confidences.astype(np.int64)
+    v, w = p * p + 1, q * q + 1
+    least, most = np.minimum(p, q), np.maximum(p, q)
+    not_both = np.maximum(255 * 255 - most * least, 1)
+    agree = np.abs(a - b) <= 64
+    disparity = np.where(agree, (v * a + w * b + (v + w) // 2) // (v + w), np.where(q > p, b, a))
+    return disparity, np.where(agree, (p + q) // 2, 255 * most * (255 - least) // not_both)
+
+
 def load(folder):
     return [np.load(Path(folder) / f"{name}.npy") for name in ("colors", "winners", "measures", "volume")]
 

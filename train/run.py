@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--program", type=Path, required=True)
-    parser.add_argument("--folder", type=Path, required=True, help="for scenes, features and checkpoints: 9 GB")
+    parser.add_argument("--folder", type=Path, required=True, help="for scenes, features and checkpoints: 14 GB")
     parser.add_argument("--steps", type=int, default=30_000, help="how many steps training takes: about an hour on two cores")
     parser.add_argument("--start", type=Path, help="weights to go on from, at half the rate, rather than from nothing")
     parser.add_argument("--seed", type=int, default=1)

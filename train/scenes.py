@@ -78,7 +78,7 @@ TRAINING = [
         "hard", 23, 400, 8, "256x192",
         (
             Use("eight", EIGHT, 1, 32, range(0, 400, 2)), Use("four", FOUR, 1, 32, range(1, 400, 2)),
-            Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 4)),
+            Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 2)),
         ), setting="studio", objects=HARD,
     ),
     SceneSet(
@@ -93,7 +93,7 @@ TRAINING = [
     ),
     SceneSet(
         "two_b", 14, 400, 2, "256x192",
-        (Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 4)), Use("wide", TWO, 0, 64, range(1, 400, 8))),
+        (Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 2)), Use("wide", TWO, 0, 64, range(1, 400, 8))),
     ),
     SceneSet(
         "fine", 15, 200, 2, "512x384",
@@ -102,7 +102,7 @@ TRAINING = [
     SceneSet("large", 13, 100, 2, "384x288", (Use("two", TWO, 1, 48, range(100)),)),
     SceneSet(
         "studio", 16, 600, 2, "256x192",
-        (Use("two", TWO, 1, 32, range(600)), Use("stereo", STEREO, 1, 32, range(0, 600, 6))), setting="studio",
+        (Use("two", TWO, 1, 32, range(600)), Use("stereo", STEREO, 1, 32, range(0, 600, 2))), setting="studio",
     ),
     SceneSet(
         "studio_four", 17, 200, 4, "256x192",
@@ -110,7 +110,7 @@ TRAINING = [
     ),
     SceneSet(
         "studio_fine", 18, 400, 2, "512x384",
-        (Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 4))), halved=True, setting="studio",
+        (Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 2))), halved=True, setting="studio",
     ),
 ]  # fmt: skip
 
@@ -175,7 +175,7 @@ def features(program, folder, scenes, use, number):
     target.parent.mkdir(parents=True, exist_ok=True)
     option = lambda frame, path: (f"--{frame}", path) if frame.isalpha() else ("--view", f"{frame}={path}")
     images = [word for frame in ("center", *use.views) for word in option(frame, scene / f"{frame}.png")]
-    search = ["--min-disparity", use.least, "--num-disparities", use.count, "--method", "bm", "--threads", 1]
+    search = ["--min-disparity", use.least, "--num-disparities", use.count, "--method", "sgm", "--threads", 1]
     command = [program, "match", *images, *search, "--features", target, "-o", "/dev/null"]
     subprocess.run([*map(str, command)], check=True, stderr=subprocess.DEVNULL)
     return target

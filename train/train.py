@@ -25,8 +25,6 @@ from model import Network
 SIZE = (192, 256)
 # From which part of the training on weights and activations are rounded.
 QUANTIZED_FROM = 0.3
-# Scenes in which semi-global matching fails at a larger share of the pixels are drawn less often, in inverse proportion.
-EASY = 0.1
 
 
 def examples(folder, sets):
@@ -46,9 +44,7 @@ def draw(training, random, size):
     chosen = []
     while len(chosen) < size:
         _, example = training[random.integers(len(training))]
-        # Scenes in which little can be matched teach less.
-        is_drawn = random.random() < EASY / max(example.hardness, EASY)
-        if is_drawn and (not chosen or example.count == chosen[0].count):
+        if random.random() < example.weight and (not chosen or example.count == chosen[0].count):
             chosen.append(example)
     arrays = []
     for example in chosen:

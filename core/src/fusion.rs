@@ -75,6 +75,12 @@ impl Fusion {
         }
     }
 
+    /// The rule for the Hamming distances of a [census](crate::Census) in a number of views: [`Trimmed`](Fusion::Trimmed), which
+    /// is the minimum of one.
+    pub const fn default_for_census(views: usize) -> Fusion {
+        if views > 1 { Fusion::Trimmed } else { Fusion::default_for(views) }
+    }
+
     /// The factor from the cost of one view to this rule's integer scale for so many views, at most
     /// [`Views::MAX`].
     ///
@@ -329,6 +335,7 @@ mod tests {
         assert_eq!(Fusion::ALL.map(Fusion::name), ["min", "mean", "heuristic", "half", "trimmed"]);
         let chosen = [0, 1, 2, 3, 4, 5, 8, 24].map(|views| Fusion::default_for(views).name());
         assert_eq!(chosen, ["min", "min", "min", "heuristic", "heuristic", "half", "half", "half"]);
+        assert_eq!([0, 1, 2, 24].map(|views| Fusion::default_for_census(views).name()), ["min", "min", "trimmed", "trimmed"]);
     }
 
     /// The scale is the least number that every number of averaged costs divides, of up to four views, eight, or an

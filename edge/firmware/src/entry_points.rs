@@ -3,7 +3,9 @@
 use defmt_semihosting as _; // Sends the log to the host's standard output.
 use embedded_io::Write;
 use multiscopic_core::{Frame, Fusion, Params, SweepOffset, View, Views};
-use multiscopic_edge::{Board, Matching, Pipeline, PipelineError, Streams, SweepPipeline, frame_file::FrameFile};
+use multiscopic_edge::{
+    Board, Matching, Pipeline, PipelineError, Streams, SweepPipeline, frame_file::FrameFile, profile::Profile,
+};
 use semihosting::process;
 
 use crate::{
@@ -13,14 +15,16 @@ use crate::{
 
 defmt::timestamp!("{=u64:ms}", semihosted::elapsed().as_millis() as u64);
 
-/// The fusion rule of the profiles, which the environment of the build chooses: firmware links one.
-pub const FUSION: Fusion = match option_env!("MULTISCOPIC_FUSION") {
-    None => Fusion::Min,
-    Some(name) => match fusion_of(name) {
-        Some(fusion) => fusion,
-        None => panic!("MULTISCOPIC_FUSION is none of min, mean, heuristic and half"),
-    },
-};
+/// The fusion rule of a profile: that of the environment of the build, or else the profile's default. Firmware links one.
+pub const fn fusion(profile: &Profile) -> Fusion {
+    match option_env!("MULTISCOPIC_FUSION") {
+        None => profile.default_fusion(),
+        Some(name) => match fusion_of(name) {
+            Some(fusion) => fusion,
+            None => panic!("MULTISCOPIC_FUSION is none of min, mean, heuristic, half and trimmed"),
+        },
+    }
+}
 
 /// Matches the frames of the board, sends the disparities and exits.
 pub fn run<P: Params<Matching>>(name: &str, matching: &P, pipeline: Pipeline<'_>) -> ! {

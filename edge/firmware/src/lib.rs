@@ -16,8 +16,8 @@
 //!
 //! `array`: for the profile `qqvga-3x3`, which matches more than four views together.
 //!
-//! The environment variable `MULTISCOPIC_FUSION` says by which rule the profiles fuse costs: `min`, which they do without it,
-//! `mean`, `heuristic` or `half`.
+//! The environment variable `MULTISCOPIC_FUSION` says by which rule the profiles fuse costs: `min`, `mean`, `heuristic`, `half`, or
+//! for the network `trimmed`. Without it, by their default, as `multiscopic simulate`.
 //!
 //! `flash-set`: for the example `qqvga-rectified`, which has its frames in flash.
 //!
@@ -32,7 +32,7 @@ mod runtime;
 mod semihosted;
 
 #[cfg(target_os = "none")]
-pub use entry_points::{FUSION, run, sweep};
+pub use entry_points::{fusion, run, sweep};
 #[cfg(target_os = "none")]
 pub use runtime::{entry, fail, stack_depth};
 #[cfg(target_os = "none")]
@@ -47,7 +47,7 @@ macro_rules! firmware {
             use multiscopic_edge::{Matching, Workspace, workspace};
             use static_cell::ConstStaticCell;
 
-            multiscopic_core::params!(Match: Matching = Ok($profile.matching(multiscopic_firmware::FUSION)));
+            multiscopic_core::params!(Match: Matching = Ok($profile.matching(multiscopic_firmware::fusion(&$profile))));
 
             static WORKSPACE: ConstStaticCell<workspace!(Match::PARAMS)> = ConstStaticCell::new(Workspace::new());
 

@@ -43,7 +43,7 @@ pub struct MatchingOptions {
     pub method: MethodName,
 
     /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more;
-    /// for sgm with the census of several neighbours trimmed]
+    /// for net, and for sgm with a census, of several neighbours trimmed]
     #[arg(long, value_parser = named::<Fusion>(), help_heading = "Matching")]
     fusion: Option<Fusion>,
 

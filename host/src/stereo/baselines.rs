@@ -119,13 +119,12 @@ impl BaselineRefinement {
     }
 }
 
-/// The search of views that are a multiple of the baseline away, in their own pixels. `None` if it would go beyond what a
-/// [`Disparity`] can be.
+/// The search of views that are a multiple of the baseline away, in their own pixels, by the same rule. `None` if it would go
+/// beyond what a [`Disparity`] can be.
 pub(super) fn at_own_baseline(search: &SearchSpace, views: Views) -> Option<SearchSpace> {
     let (config, multiple) = (search.config(), views.multiple());
     let own = SearchConfig {
         views: views.divided_by(multiple),
-        fusion: Fusion::default_for(views.len()),
         min_disparity: config.min_disparity.checked_mul(multiple.into())?,
         num_disparities: (config.num_disparities - 1).checked_mul(multiple.into())?.checked_add(1)?,
         ..config

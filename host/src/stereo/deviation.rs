@@ -129,8 +129,8 @@ pub const GRAPH_CUTS: DeviationModel = DeviationModel {
 };
 /// The network.
 pub const NETWORK: DeviationModel = DeviationModel {
-    weights: [0.00163, 0.0101, 0.327, 0.773, 0.0503, 5.23],
-    factors: [58.2, 43.4, 33.8, 25.3, 12.2, 8.48, 6.73, 5.12, 4.06, 3.32, 2.77, 2.42, 2.05, 1.86, 1.51, 1.0],
+    weights: [0.00580, 0.0232, 0.580, 1.51, 0.0580, 4.64],
+    factors: [44.4, 34.5, 31.6, 26.5, 16.9, 9.69, 6.35, 4.78, 3.82, 3.15, 2.52, 2.19, 1.87, 1.66, 1.38, 1.0],
 };
 
 #[cfg(test)]

@@ -51,6 +51,7 @@ impl MethodName {
     pub fn default_fusion(self, views: usize) -> Fusion {
         match self {
             MethodName::Sgm => SemiGlobalMethod::default().default_fusion(views),
+            MethodName::Net => Fusion::default_for_census(views),
             _ => Fusion::default_for(views),
         }
     }
@@ -115,9 +116,12 @@ impl Default for SemiGlobalMethod {
 }
 
 impl SemiGlobalMethod {
-    /// The fusion rule of so many views by default: for the census of several [`Fusion::Trimmed`].
+    /// The fusion rule of so many views by default, which depends on the cost.
     pub fn default_fusion(&self, views: usize) -> Fusion {
-        if views > 1 && self.cost != CostName::Sad { Fusion::Trimmed } else { Fusion::default_for(views) }
+        match self.cost {
+            CostName::Sad => Fusion::default_for(views),
+            CostName::Census | CostName::Census2 => Fusion::default_for_census(views),
+        }
     }
 
     /// The method, for matches in a number of `views` at the shortest baseline.

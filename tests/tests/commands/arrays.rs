@@ -206,7 +206,7 @@ fn views_are_taken_until_depths_are_precise() {
         let words = words.chain([path(name).display().to_string(), "--until".into(), goal.into()]);
         Invocation::new(words.chain(options.split(' ').map(String::from)).collect::<Vec<_>>())
     };
-    let report = until("rig", "", "40 % within 20 mm");
+    let report = until("rig", "", "25 % within 20 mm");
     report.assert_done();
     let rig = Rig::load(&path("rig")).expect("a rig.toml");
     let (views, notes) = (rig.images.views(), rig.capture.notes.expect("notes"));
@@ -225,7 +225,7 @@ fn views_are_taken_until_depths_are_precise() {
     let error_mm = |at: usize| (1000.0 * f64::from(depth[at]) - camera.focal_px * 8.0 / f64::from(truth[at])).abs();
     let precise: Vec<f64> = (0..sigma.len()).filter(|&at| 2.0 * sigma[at] <= 20.0).map(error_mm).collect();
     let right = precise.iter().filter(|error| **error <= 20.0).count();
-    assert!(precise.len() * 100 >= sigma.len() * 38, "{} of {}", precise.len(), sigma.len());
+    assert!(precise.len() * 100 >= sigma.len() * 23, "{} of {}", precise.len(), sigma.len());
     assert!(right * 100 >= precise.len() * 93, "{right} of {}", precise.len());
 
     // What cannot be reached is said, with the reason, and the frames are kept.

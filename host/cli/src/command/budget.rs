@@ -78,7 +78,8 @@ pub struct Budget {
     #[arg(long)]
     rectified: bool,
 
-    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more;
+    /// for the network of several neighbours trimmed]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
 
@@ -193,8 +194,7 @@ impl Budget {
     }
 
     fn profile_matching(&self, profile: &Profile) -> Result<Matching> {
-        let views = profile.matching(Fusion::Min).search().views().len();
-        let fusion = self.fusion.unwrap_or(Fusion::default_for(views));
+        let fusion = self.fusion.unwrap_or(profile.default_fusion());
         profile.check_fusion(fusion)?;
         Ok(profile.matching(fusion))
     }
@@ -202,17 +202,20 @@ impl Budget {
     /// Returns the matching that is computed without a profile.
     fn custom_matching(&self) -> Result<Matching> {
         let views = views_of_count(self.views.unwrap_or(4))?;
-        let params = self.search.params(self.search.search(self.size(), views, self.fusion, SearchOptions::DEFAULT_RANGE)?)?;
+        let default: fn(usize) -> Fusion = if self.method == "net" { Fusion::default_for_census } else { Fusion::default_for };
+        let fusion = self.fusion.unwrap_or_else(|| default(views.len()));
+        let search = self.search.search(self.size(), views, Some(fusion), SearchOptions::DEFAULT_RANGE)?;
         if self.method != "bm" && self.tile_width.is_some() {
             return Err(Error::Usage("--tile-width is for block matching: paths lead through the whole line".into()));
         }
         if self.method == "net" {
-            let params = NetworkParams::new(*params.search()).map_err(|error| Error::Usage(error.to_string()))?;
+            let params = NetworkParams::new(search).map_err(|error| Error::Usage(error.to_string()))?;
             return Ok(Matching::Network(params));
         }
+        let params = self.search.params(search)?;
         if self.method == "sgm" {
             let cost = SemiGlobalCost::Sad { block_size: self.search.block_size.unwrap_or(SemiGlobalCost::DEFAULT_BLOCK_SIZE) };
-            let params = SemiGlobalParams::new(*params.search(), cost)?;
+            let params = SemiGlobalParams::new(search, cost)?;
             return Ok(match self.confidences {
                 true => Matching::WithConfidences(WholeLines::SemiGlobal(params)),
                 false => Matching::SemiGlobal(params),

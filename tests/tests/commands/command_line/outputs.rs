@@ -132,7 +132,7 @@ fn a_summary_is_a_line_or_a_json_object_or_left_out() {
         run
     };
     let line = run(&[]).stderr;
-    assert!(line.contains("160x120, net, 4 views, heuristic") && line.contains("% valid"), "{line}");
+    assert!(line.contains("160x120, net, 4 views, trimmed") && line.contains("% valid"), "{line}");
     assert_eq!(run(&["--quiet"]).stderr, "");
 
     let json = run(&["--json", "--method", "sgm", "--num-disparities", "16"]);

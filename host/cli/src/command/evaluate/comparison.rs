@@ -37,7 +37,7 @@ pub struct Comparison {
     methods: Vec<MethodName>,
 
     /// Fusion rules for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more;
-    /// for sgm with the census of several neighbours trimmed]
+    /// for net, and for sgm with a census, of several neighbours trimmed]
     #[arg(long, value_parser = named::<Fusion>(), value_delimiter = ',', help_heading = "Matching")]
     fusion: Vec<Fusion>,
 }

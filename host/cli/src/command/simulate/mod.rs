@@ -41,7 +41,8 @@ pub struct Simulate {
         value_parser = profile::ALL.iter().map(|profile| profile.name).chain([QQVGA_SWEEP.name]).collect::<Vec<_>>())]
     profile: String,
 
-    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more;
+    /// for the network of several neighbours trimmed]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
 
@@ -82,8 +83,7 @@ impl Simulate {
         }
         let profile = profile::ALL.into_iter().find(|profile| profile.name == self.profile);
         let profile = profile.expect("the parser admits the profiles' names alone");
-        let views = profile.matching(Fusion::Min).search().views();
-        let fusion = self.fusion.unwrap_or(Fusion::default_for(views.len()));
+        let fusion = self.fusion.unwrap_or(profile.default_fusion());
         profile.check_fusion(fusion)?;
         let matching = profile.matching(fusion);
         if let (Some(path), false) = (&self.confidence, matching.has_confidences()) {

@@ -29,8 +29,7 @@ def main():
         height, width = example.truth.shape
         with torch.no_grad():
             real = network(batch)["disparity"][0, :height, :width]
-        arrays = (example.rgb, example.winners, example.measures, example.volume)
-        disparities, confidences, _ = reference.both_looks(weights, *arrays)
+        disparities, confidences, _ = reference.both_looks(weights, *example.features)
         fused, confidence = reference.fused(disparities, confidences)
         truth = torch.from_numpy(example.truth.copy())
         candidates = {

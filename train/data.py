@@ -25,6 +25,11 @@ class Example:
         # How often it is drawn: scenes in which little can be matched teach less.
         self.weight = EASY / max(hardness, EASY)
 
+    @property
+    def features(self):
+        """The arrays that the program writes, in the order of `reference.infer`."""
+        return self.rgb, self.winners, self.measures, self.volume
+
     def arrays(self, y=0, x=0, height=None, width=None):
         """The arrays of the pixels from (y, x) on, which are multiples of 4; padded by repetition as the program does."""
         height, width = height or self.truth.shape[0] - y, width or self.truth.shape[1] - x

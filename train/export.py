@@ -60,8 +60,7 @@ def calibrated(weights, examples):
     """
     logits, agree, right, counts = [], [], [], []
     for example in examples:
-        arrays = (example.rgb, example.winners, example.measures, example.volume)
-        disparities, confidences, logit = reference.both_looks(weights, *arrays)
+        disparities, confidences, logit = reference.both_looks(weights, *example.features)
         valid = np.isfinite(example.truth)
         logits.append(np.clip(logit[:, valid], -128, 127) / UNIT)
         agree.append(np.abs(disparities[0] - disparities[1])[valid] <= 64)

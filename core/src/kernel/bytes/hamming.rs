@@ -267,6 +267,12 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
             let mean = count.if_greater(isa.splat_byte(2), sum.third(), mean);
             count.if_greater(isa.splat_byte(3), sum.halved().halved(), mean)
         }
+        Fusion::Half if V > 8 => {
+            sort(&mut costs);
+            // A cost is in the least half if there are as many again, but for one.
+            keep_followed(isa, &mut costs, 1, |k| 2 * k);
+            mean_of_many(isa, &costs)
+        }
         Fusion::Heuristic | Fusion::Half => {
             sort(&mut costs);
             // Beyond the last cost there is none.
@@ -274,11 +280,6 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: DistanceFusion, mut costs: [I:
             let (c1, c2, c3) = (cost(0), cost(1), cost(2));
             let two = c1.add(c2);
             let three = two.add(c3);
-            if fusion == Fusion::Half && V > 8 {
-                // A cost is in the least half if there are as many again, but for one.
-                keep_followed(isa, &mut costs, 1, |k| 2 * k);
-                return mean_of_many(isa, &costs);
-            }
             if fusion == Fusion::Half {
                 let half = none.if_greater(c3, two.halved(), c1);
                 let half = none.if_greater(cost(4), three.third(), half);

@@ -30,8 +30,10 @@ struct CensusView {
 /// The descriptors of a view, but for those that are computed line by line.
 #[derive(Debug)]
 enum Descriptors {
-    /// None: a row of the centre meets a single line of the view.
-    OnDemand,
+    /// None: a row of the centre meets a single line of the view, in which the matches of a pixel are next to each other.
+    Line,
+    /// None: the matches of each pixel are gathered from such a line.
+    Gathered,
     /// Those of all lines, in which the matches of ascending disparity of a pixel are contiguous.
     Paths(MatchPaths),
 }
@@ -121,16 +123,11 @@ impl CensusView {
             _ => 0..search.width(),
         };
         let descriptors = match &self.descriptors {
-            Descriptors::OnDemand if self.is_nearest() => self.image.line(v),
-            Descriptors::OnDemand => self.gather(search, v, stride),
+            Descriptors::Line => self.image.line(v),
+            Descriptors::Gathered => self.gather(search, v, stride),
             Descriptors::Paths(_) => Vec::new(),
         };
         ViewLine { descriptors, available: columns.map(|u| available(search, self.view, (u, v))).collect() }
-    }
-
-    /// True if the matches of a pixel are next to each other in a line of the view.
-    fn is_nearest(&self) -> bool {
-        self.view.is_horizontal() && self.view.right().unsigned_abs() == 1
     }
 
     /// The descriptors of all candidates of row `v` of the centre in a horizontal view. Those of a pixel lie side by side,
@@ -167,11 +164,11 @@ impl CensusView {
             |shape: LineShape, index: usize| (shape.front + index).wrapping_add_signed(search.min_disparity().into());
         let shape = self.image.shape;
         let (data, plane, first, step) = match &self.descriptors {
-            Descriptors::OnDemand if self.is_nearest() => {
+            Descriptors::Line => {
                 let first = from_least(shape, self.image.column(0));
                 (&line.descriptors, shape.stride, first, if self.image.is_mirrored { -1 } else { 1 })
             }
-            Descriptors::OnDemand => (&line.descriptors, depth, 0, (shape.bytes * depth) as isize),
+            Descriptors::Gathered => (&line.descriptors, depth, 0, (shape.bytes * depth) as isize),
             Descriptors::Paths(paths) => {
                 let line = paths.shape.bytes * paths.shape.stride;
                 let first = paths.line_of(v, search.width()) * line + from_least(paths.shape, paths.index_of(v));
@@ -309,9 +306,10 @@ impl<'a> CensusRows<'a> {
         let view = |view: View| {
             // In a row, matches of ascending disparity follow each other from the right to the left in a view to the right.
             let image = census_image(Frame::View(view), view.is_horizontal() && view.right() > 0, padding);
-            let descriptors = match view.is_horizontal() {
-                true => Descriptors::OnDemand,
-                false => Descriptors::Paths(MatchPaths::new(view, &image, frames.size(), simd)),
+            let descriptors = match (view, view.is_horizontal()) {
+                (View::LEFT | View::RIGHT, _) => Descriptors::Line,
+                (_, true) => Descriptors::Gathered,
+                (_, false) => Descriptors::Paths(MatchPaths::new(view, &image, frames.size(), simd)),
             };
             let columns = if view.is_horizontal() { 0..search.width() } else { 0..0 };
             let available = columns.map(|u| available(search, view, (u, 0))).collect();
